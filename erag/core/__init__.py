@@ -1,0 +1,1 @@
+"""Types, geometry, text, times and errors that every other layer shares."""

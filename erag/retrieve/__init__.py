@@ -1,0 +1,1 @@
+"""A forest and a query to hits: flat retrievers, the tree, location, sensors and time."""

@@ -1,0 +1,1 @@
+"""Observations to a topological map: edges, components, routes, graph distances."""
