@@ -41,8 +41,9 @@ def spatial_similarity(metres: npt.ArrayLike, theta: float) -> npt.NDArray[np.fl
 def cartesian(frame: Frame, positions: Points) -> Points:
     """Points (n, 3) in metres whose Euclidean distance is a lower bound of `distance`, for k-d trees.
 
-    WGS84 becomes Earth-centred coordinates on the sphere, lifted by the height above its lowest point; so the
-    antimeridian and the poles are nothing special.
+    WGS84 becomes Earth-centred coordinates on the sphere, so the antimeridian and the poles are nothing special.
+    Heights are left out: lifting points off the sphere would stretch their chords beyond the great circle. The bound
+    holds up to rounding, about 1e-8 m.
     """
     if frame is Frame.METRIC:
         return positions
@@ -62,7 +63,7 @@ def centroid(frame: Frame, positions: Points) -> tuple[float, float, float]:
         return (float(x), float(y), float(z))
     mean = cartesian(frame, positions).mean(axis=0) / EARTH_RADIUS_M
     if np.linalg.norm(mean) < 1e-9:
-        x, y, z = positions[pairwise(frame, positions, positions).sum(axis=1).argmin()]
+        x, y, z = positions[_distance_sums(frame, positions).argmin()]
         return (float(x), float(y), float(z))
     lon = float(np.degrees(np.arctan2(mean[1], mean[0])))
     lat = float(np.degrees(np.arctan2(mean[2], np.hypot(mean[0], mean[1]))))
@@ -72,7 +73,10 @@ def centroid(frame: Frame, positions: Points) -> tuple[float, float, float]:
 def mean_pairwise_distance(frame: Frame, positions: Points, block: int = 1024) -> float:
     """Mean distance in metres over all pairs of points (n, 3); 0 for one point. Works in blocks of rows."""
     n = len(positions)
-    if n < 2:
-        return 0.0
-    total = sum(float(pairwise(frame, positions[i : i + block], positions).sum()) for i in range(0, n, block))
-    return total / (n * (n - 1))
+    return float(_distance_sums(frame, positions, block).sum()) / (n * (n - 1)) if n > 1 else 0.0
+
+
+def _distance_sums(frame: Frame, positions: Points, block: int = 1024) -> npt.NDArray[np.float64]:
+    """(n,) sums of the distances in metres from each of the points (n, 3) to all of them, in blocks of rows."""
+    starts = range(0, len(positions), block)
+    return np.concatenate([pairwise(frame, positions[i : i + block], positions).sum(axis=1) for i in starts])

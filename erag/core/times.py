@@ -4,57 +4,90 @@ from __future__ import annotations
 
 import calendar
 import re
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
+from erag.core.errors import printable
 from erag.core.types import Interval
 
-_YEAR = re.compile(r"(\d{4})$")
-_MONTH = re.compile(r"(\d{4})-(\d{2})$")
-_DAY = re.compile(r"(\d{4})-(\d{2})-(\d{2})$")
-FORMS = "RFC 3339 (2024-05-17T09:30:00Z), a day (2024-05-17), a month (2024-05) or a year (2024)"
+FORMS = "RFC 3339 (2024-05-17T09:30:00Z), a day (2024-05-17), a month (2024-05) or a year (2024); years 0001 to 9999"
+
+_COARSE = re.compile(r"([0-9]{4})(?:-([0-9]{2})(?:-([0-9]{2}))?)?")
+_INSTANT = re.compile(
+    r"[0-9]{4}-[0-9]{2}-[0-9]{2}[Tt ][0-9]{2}:[0-9]{2}(?::[0-9]{2}(?:[.,][0-9]{1,12})?)?(?:[Zz]|[+-][0-9]{2}:[0-9]{2})?"
+)
+_DAY_S = 86_400
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_FIRST_S, _LAST_S = -62_135_596_800.0, 253_402_300_800.0  # from year 1 up to, without, year 10000
 
 
 def parse_time(stamp: str) -> Interval:
     """The interval a stamp means: an instant has length 0, a day, month or year its whole length.
 
-    A date-time without an offset is read as UTC. Raises ValueError for anything else than `FORMS`.
+    A date-time without an offset is read as UTC, one without seconds as the full minute; digits beyond microseconds
+    are cut. Raises ValueError for anything else than `FORMS`, leap seconds included.
     """
     text = stamp.strip()
-    if m := _YEAR.match(text):
-        return Interval(_utc(int(m[1]), 1, 1), _utc(int(m[1]) + 1, 1, 1))
-    if m := _MONTH.match(text):
-        year, month = int(m[1]), int(m[2])
-        return Interval(_utc(year, month, 1), _utc(year + month // 12, month % 12 + 1, 1))
-    if m := _DAY.match(text):
-        start = _utc(int(m[1]), int(m[2]), int(m[3]))
-        return Interval(start, start + 86_400)
-    moment = datetime.fromisoformat(text)
-    at = moment.replace(tzinfo=moment.tzinfo or UTC).timestamp()
-    return Interval(at, at)
+    try:
+        if m := _COARSE.fullmatch(text):
+            return _coarse(int(m[1]), *(int(v) for v in m.groups()[1:] if v))
+        if _INSTANT.fullmatch(text):
+            return _instant(text.upper())
+    except ValueError as error:
+        raise ValueError(f"{printable(stamp, 80)!r} is no time ({error}); allowed: {FORMS}") from error
+    raise ValueError(f"{printable(stamp, 80)!r} is no time; allowed: {FORMS}")
 
 
 def format_time(interval: Interval) -> str:
-    """The shortest stamp that means this interval exactly, else `start/end` in RFC 3339."""
+    """The shortest stamp that means this interval to the microsecond, else `start/end` in RFC 3339.
+
+    Raises ValueError for moments outside the years 1 to 9999, which no stamp can name.
+    """
     if interval.start == interval.end:
         return _rfc3339(interval.start)
-    begin = datetime.fromtimestamp(interval.start, UTC)
-    for stamp in (f"{begin:%Y}", f"{begin:%Y-%m}", f"{begin:%Y-%m-%d}"):
+    day = _moment(interval.start).date().isoformat()
+    for stamp in (day[:4], day[:7], day):
         if parse_time(stamp) == interval:
             return stamp
     return f"{_rfc3339(interval.start)}/{_rfc3339(interval.end)}"
 
 
 def parse_interval(stamp: str) -> Interval:
-    """What `format_time` writes, read back: a stamp, or `start/end`."""
+    """What `format_time` writes, read back: a stamp, or `start/end` (from the start of the one to that of the other).
+
+    Raises ValueError for a malformed stamp, or for an end before the start.
+    """
     if "/" not in stamp:
         return parse_time(stamp)
     start, end = stamp.split("/", 1)
     return Interval(parse_time(start).start, parse_time(end).start)
 
 
+def _coarse(year: int, month: int = 0, day: int = 0) -> Interval:
+    first = datetime(year, month or 1, day or 1, tzinfo=UTC)
+    if day:
+        days = 1
+    elif month:
+        days = calendar.monthrange(year, month)[1]
+    else:
+        days = 366 if calendar.isleap(year) else 365
+    start = first.timestamp()
+    return Interval(start, start + days * _DAY_S)
+
+
+def _instant(text: str) -> Interval:
+    moment = datetime.fromisoformat(text)
+    at = moment.replace(tzinfo=moment.tzinfo or UTC).timestamp()
+    if not _FIRST_S <= at < _LAST_S:
+        raise ValueError("its offset leads out of the years 1 to 9999")
+    return Interval(at, at)
+
+
+def _moment(seconds: float) -> datetime:
+    try:
+        return _EPOCH + timedelta(seconds=seconds)
+    except OverflowError as error:
+        raise ValueError(f"{seconds} s since 1970 lies outside the years 1 to 9999") from error
+
+
 def _rfc3339(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, UTC).isoformat().replace("+00:00", "Z")
-
-
-def _utc(year: int, month: int, day: int) -> float:
-    return float(calendar.timegm(datetime(year, month, day, tzinfo=UTC).timetuple()))
+    return _moment(seconds).isoformat().replace("+00:00", "Z")

@@ -109,7 +109,7 @@ class Edges:
     @property
     def traversable(self) -> npt.NDArray[np.bool_]:
         """(e,) bool: all edges a robot may drive, that is all but `OBSERVED_FROM`."""
-        return self.kind != EdgeKind.OBSERVED_FROM
+        return np.not_equal(self.kind, EdgeKind.OBSERVED_FROM)
 
 
 @dataclass(frozen=True)

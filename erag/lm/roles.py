@@ -121,8 +121,12 @@ class Generator(Protocol):
 class LMBackend(Captioner, Embedder, Summariser, Selector, Scorer, Generator, Protocol):
     """All six roles behind one object; `compose` builds one from several models."""
 
+    def identity(self, role: RoleName) -> str:
+        """Weights, template and parameters of a role: vectors of equal identity can be compared with each other."""
+        ...
+
     def fingerprint(self, role: RoleName) -> str:
-        """What determines the results of a role: weights, template, parameters, dtype, runtime version."""
+        """What determines the results of a role to the last bit: its identity, dtype and runtime version."""
         ...
 
     def batch_size(self, role: RoleName) -> int:
@@ -135,6 +139,8 @@ class Model(Protocol):
 
     @property
     def roles(self) -> frozenset[RoleName]: ...
+
+    def identity(self, role: RoleName) -> str: ...
 
     def fingerprint(self, role: RoleName) -> str: ...
 

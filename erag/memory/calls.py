@@ -1,0 +1,109 @@
+"""Call records and vectors of a memory file: the `CallStore` behind a journal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from erag.core.types import IntArray
+from erag.lm.journal import Key
+from erag.lm.roles import RoleName, Vectors
+from erag.memory.database import Database
+
+KEY_BYTES = 16
+Place = tuple[int, int]  # block and row of a stored vector
+
+
+class Calls:
+    """Results and attempts of model calls; vectors lie in the blocks they were computed in, as float16."""
+
+    def __init__(self, db: Database) -> None:
+        self._db = db
+        self._index: dict[Key, Place] = {}
+        self._indexed = False
+
+    def results(self, keys: Sequence[Key]) -> dict[Key, str]:
+        wanted = set(keys)
+        if not wanted:
+            return {}
+        rows = self._db.rows("SELECT key, result FROM call_results")
+        return {bytes(key): result for key, result in rows if key in wanted}
+
+    def vectors(self, keys: Sequence[Key]) -> dict[Key, Vectors]:
+        places = self.places(keys)
+        known = [key for key in dict.fromkeys(keys) if key in places]
+        rows = self.read_vectors(np.array([places[k] for k in known], np.int64).reshape(-1, 2))
+        return dict(zip(known, rows, strict=True))
+
+    def places(self, keys: Sequence[Key]) -> dict[Key, Place]:
+        """Where the recorded vectors among `keys` lie."""
+        if not self._indexed:
+            for block, raw in self._db.rows("SELECT block, keys FROM vectors ORDER BY block"):
+                self._note(block, [raw[i : i + KEY_BYTES] for i in range(0, len(raw), KEY_BYTES)])
+            self._indexed = True
+        return {key: self._index[key] for key in keys if key in self._index}
+
+    def read_vectors(self, places: IntArray) -> Vectors:
+        """(n, d) float32 unit rows for places (n, 2); a place (-1, -1) gives a row of zeros."""
+        blocks = {int(b) for b in np.unique(places[:, 0]) if b >= 0}
+        loaded: dict[int, Vectors] = {}
+        for block, dim, data in self._db.rows("SELECT block, dim, data FROM vectors ORDER BY block"):
+            if block in blocks:
+                loaded[block] = _unit(np.frombuffer(data, np.float16).reshape(-1, dim).astype(np.float32))
+        dim = max((v.shape[1] for v in loaded.values()), default=0)
+        out = np.zeros((len(places), dim), np.float32)
+        for block, vectors in loaded.items():
+            here = np.flatnonzero(places[:, 0] == block)
+            out[here] = vectors[places[here, 1]]
+        return out
+
+    def begin(self, role: RoleName, fingerprint: str, keys: Sequence[Key]) -> int:
+        with self._db.transaction() as connection:
+            cursor = connection.execute(
+                "INSERT INTO call_batches (role, fingerprint, started, status) VALUES (?, ?, ?, 'started')",
+                (role, fingerprint, time.time()),
+            )
+            batch = int(cursor.lastrowid or 0)
+            connection.executemany("INSERT INTO call_attempts VALUES (?, ?)", [(key, batch) for key in keys])
+        return batch
+
+    def finish(self, batch: int, records: Mapping[Key, tuple[str, str]]) -> None:
+        with self._db.transaction() as connection:
+            connection.executemany(
+                """INSERT INTO call_results SELECT ?, role, fingerprint, ?, ? FROM call_batches WHERE batch = ?""",
+                [(key, request, result, batch) for key, (request, result) in records.items()],
+            )
+            connection.execute(
+                "UPDATE call_batches SET status = 'done', finished = ? WHERE batch = ?", (time.time(), batch)
+            )
+
+    def finish_vectors(self, batch: int, keys: Sequence[Key], vectors: Vectors) -> None:
+        data = np.ascontiguousarray(vectors, np.float16).tobytes()
+        with self._db.transaction() as connection:
+            cursor = connection.execute(
+                """INSERT INTO vectors (fingerprint, dim, keys, data)
+                   SELECT fingerprint, ?, ?, ? FROM call_batches WHERE batch = ?""",
+                (vectors.shape[1], b"".join(keys), data, batch),
+            )
+            block = int(cursor.lastrowid or 0)
+            connection.execute(
+                "UPDATE call_batches SET status = 'done', finished = ? WHERE batch = ?", (time.time(), batch)
+            )
+        self._note(block, keys)
+
+    def fail(self, batch: int, error: str) -> None:
+        with self._db.transaction() as connection:
+            connection.execute(
+                "UPDATE call_batches SET status = 'failed', finished = ?, error = ? WHERE batch = ?",
+                (time.time(), error, batch),
+            )
+
+    def _note(self, block: int, keys: Sequence[Key]) -> None:
+        self._index.update({key: (block, row) for row, key in enumerate(keys)})
+
+
+def _unit(vectors: Vectors) -> Vectors:
+    norms = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(norms > 0, norms, 1), np.float32)
