@@ -62,15 +62,11 @@ def parse_interval(stamp: str) -> Interval:
     return Interval(parse_time(start).start, parse_time(end).start)
 
 
-def _coarse(year: int, month: int = 0, day: int = 0) -> Interval:
-    first = datetime(year, month or 1, day or 1, tzinfo=UTC)
-    if day:
-        days = 1
-    elif month:
-        days = calendar.monthrange(year, month)[1]
-    else:
-        days = 366 if calendar.isleap(year) else 365
-    start = first.timestamp()
+def _coarse(year: int, month: int | None = None, day: int | None = None) -> Interval:
+    start = datetime(year, 1 if month is None else month, 1 if day is None else day, tzinfo=UTC).timestamp()
+    days = 366 if calendar.isleap(year) else 365
+    if month is not None:
+        days = calendar.monthrange(year, month)[1] if day is None else 1
     return Interval(start, start + days * _DAY_S)
 
 

@@ -65,9 +65,9 @@ def read_queries(path: Path, where: Mapping[str, str]) -> Iterator[QueryLine]:
                 yield parsed
 
 
-def parse_query(line: QueryLine, top: int, ground: Ground) -> Query:
-    """The query of a line. Raises InputError that names the line, the key and what is allowed."""
-    raw, where = line.raw, f"line {line.number}"
+def parse_query(line: QueryLine, top: int, ground: Ground, where: str | None = None) -> Query:
+    """The query of a line. Raises InputError that names the line (or `where`), the key and what is allowed."""
+    raw, where = line.raw, where or f"line {line.number}"
     if raw is None:
         raise InputError("not a JSON object", where=where, allowed='{"id": …, "query": …}')
     if not isinstance(raw.get("id"), str | int) or raw["id"] == "":

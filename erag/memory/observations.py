@@ -72,7 +72,7 @@ class Observations:
         Raises InputError, changing nothing, when an id is unknown.
         """
         known = self._known(ids)
-        if unknown := [i for i in ids if i not in known]:
+        if unknown := [i for i in ids if i not in known or not known[i][1]]:
             raise InputError(
                 f"no node {unknown[0]!r}", where=str(self._db.path), allowed="an id shown by `erag export` or a query"
             )

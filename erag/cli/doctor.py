@@ -1,0 +1,86 @@
+"""The `doctor` command: what this machine and this installation can do, and what is missing."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import typer
+
+from erag.cli import show
+from erag.cli.options import AsJson
+
+LIBRARIES = ("torch", "transformers", "sentence-transformers", "tokenizers", "safetensors", "bm25s", "numpy", "scipy")
+
+
+def register(app: typer.Typer) -> None:
+    """Add this module's command to the command line."""
+    app.command()(doctor)
+
+
+def doctor(json_: AsJson = False) -> None:
+    """Check CPU, precision, libraries, models, memory, disk and network."""
+    facts = {**_machine(), **_installed(), **_models(), "network": _network()}
+    if json_:
+        show.out(json.dumps(facts, ensure_ascii=False, indent=2))
+        return
+    width = max(map(len, facts)) + 2
+    show.lines(f"{name:<{width}}{value}" for name, value in facts.items())
+
+
+def _machine() -> dict[str, str]:
+    from erag.lm.probe import choose_dtype, cpu
+
+    chip = cpu()
+    known = sorted(chip.flags & {"avx2", "avx512f", "avx512_bf16", "avx512_vnni", "amx_bf16", "amx_int8"})
+    why = "multiplied in hardware" if chip.fast_bf16 else "no bf16 in hardware"
+    return {
+        "cpu": f"{chip.name} ({chip.architecture}), {os.cpu_count()} cores, {', '.join(known) or 'no known extensions'}",
+        "precision": f"{choose_dtype('auto')} ({why})",
+        "memory": _memory(),
+        "disk": f"{shutil.disk_usage(Path.cwd()).free / 1e9:.0f} GB free here",
+    }
+
+
+def _memory() -> str:
+    info = Path("/proc/meminfo")
+    if not info.is_file():
+        return "unknown"
+    fields = dict(line.split(":", 1) for line in info.read_text().splitlines() if ":" in line)
+    total, free = (int(fields[name].split()[0]) / 1e6 for name in ("MemTotal", "MemAvailable"))
+    return f"{free:.1f} of {total:.1f} GB available"
+
+
+def _installed() -> dict[str, str]:
+    found = {name: _version(name) for name in LIBRARIES}
+    missing = [name for name, v in found.items() if v is None]
+    present = ", ".join(f"{name} {v}" for name, v in found.items() if v)
+    return {"libraries": present + (f"; missing: {', '.join(missing)} (pip install 'erag[sentence]')" if missing else "")}
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _models() -> dict[str, str]:
+    from erag.lm.weights import default_store
+
+    store = default_store()
+    return {f"model {m.id}": store.state(m.id) for m in store.all()}
+
+
+def _network() -> str:
+    """Whether this machine has a route to the outside; connecting a datagram socket looks it up and sends nothing."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # TEST-NET-1, an address that belongs to nobody
+        except OSError:
+            return "no route to the outside (only `erag models pull` would need one)"
+    return "there is a route to the outside (only `erag models pull` uses it)"

@@ -1,0 +1,50 @@
+"""The entry point: commands in, exit code out (0 done, 2 wrong input or configuration, 1 a defect)."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+import typer
+
+from erag.cli import bench, demo, doctor, memory, models, query
+from erag.cli.show import say
+from erag.core.errors import EragError
+
+app = typer.Typer(
+    name="erag", help="Offline Embodied-RAG: a robot's observations become a memory that can be asked.",
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+)  # fmt: skip
+for module in (memory, query, demo, doctor, bench):
+    module.register(app)
+app.add_typer(models.app, name="models")
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """The exit code of a command line; every expected error is one line on stderr."""
+    try:
+        code = app(args=arguments, prog_name="erag", standalone_mode=False)
+    except EragError as error:
+        say(f"erag: {error.line()}")
+        return 2
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "erag"
+        say(f"erag: {error.format_message()}; try: {command} --help")
+        return 2
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        say("erag: interrupted; what was finished is kept, the same command goes on from there")
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return int(code or 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""The configuration of ingest, build and query: presets, files, overrides; resolved before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from erag.core.errors import ConfigError
+from erag.forest.config import ForestConfig
+from erag.lm.config import BackendConfig
+from erag.retrieve.config import RetrieveConfig
+from erag.topomap.config import MapConfig
+
+MAX_CONFIG_BYTES = 1 << 20
+
+
+class PipelineConfig(BaseModel):
+    """Everything that determines a memory and its answers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    backend: BackendConfig = Field(default_factory=BackendConfig)
+    map: MapConfig = Field(default_factory=MapConfig)
+    forest: ForestConfig = Field(default_factory=ForestConfig)
+    retrieve: RetrieveConfig = Field(default_factory=RetrieveConfig)
+
+
+def presets() -> dict[str, Path]:
+    """The shipped presets by name."""
+    return {path.stem: path for path in sorted((configs_dir() / "presets").glob("*.yaml"))}
+
+
+def configs_dir() -> Path:
+    """The shipped configurations: `configs/` of a checkout, or their copy in an installed package."""
+    package = Path(str(files("erag")))
+    checkout = package.parent / "configs"
+    return checkout if (checkout / "presets").is_dir() else package / "_configs"
+
+
+def load_config(preset: str = "tiny", config: Path | None = None, overrides: Sequence[str] = ()) -> PipelineConfig:
+    """The configuration of a file, else of a preset, with `path=value` overrides. Raises ConfigError."""
+    known = presets()
+    if config is None and preset not in known:
+        raise ConfigError(f"no preset {preset!r}", where="--preset", allowed=", ".join(known))
+    path = config or known[preset]
+    raw = read_yaml(path)
+    for override in overrides:
+        apply_override(raw, override)
+    return validate(PipelineConfig, raw, str(path))
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """A YAML mapping, by the safe loader."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        if len(text) > MAX_CONFIG_BYTES:
+            raise ConfigError(f"{len(text)} characters", where=str(path), allowed=f"at most {MAX_CONFIG_BYTES}")
+        raw = yaml.safe_load(text) or {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot be read: {error}", where=str(path)) from error
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ConfigError(f"not YAML: {error}", where=str(path)) from error
+    if not isinstance(raw, dict):
+        raise ConfigError("not a mapping", where=str(path), allowed="key: value")
+    return raw
+
+
+def apply_override(raw: dict[str, Any], override: str) -> None:
+    """Set `a.b=value` in place; the value is read as YAML."""
+    path, equals, value = override.partition("=")
+    keys = path.split(".")
+    if not equals or not all(keys):
+        raise ConfigError(f"{override!r}", where="--set", allowed="path=value, such as forest.alpha=0.5")
+    at: Any = raw
+    for key in keys[:-1]:
+        at = at.setdefault(key, {})
+        if not isinstance(at, dict):
+            raise ConfigError(f"{override!r}: {key!r} holds a value, not a section", where="--set")
+    try:
+        at[keys[-1]] = yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{override!r} is not YAML: {error}", where="--set") from error
+
+
+def validate(model: type[Any], raw: object, where: str) -> Any:
+    """`raw` as a configuration model; the first fault becomes one line with its path and what is allowed."""
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        at = ".".join(str(part) for part in first["loc"])
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise ConfigError(f"{at} = {first['input']!r}: {first['msg']}{more}", where=where) from error
