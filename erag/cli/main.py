@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 
-import click
 import typer
 
 from erag.cli import bench, demo, doctor, memory, models, query
@@ -33,11 +32,11 @@ def run(arguments: list[str]) -> int:
     except EragError as error:
         say(f"erag: {error.line()}")
         return 2
-    except click.UsageError as error:
-        command = error.ctx.command_path if error.ctx else "erag"
-        say(f"erag: {error.format_message()}; try: {command} --help")
+    except typer.TyperException as error:  # how the arguments were written
+        context = getattr(error, "ctx", None)
+        say(f"erag: {error.format_message()}; try: {context.command_path if context else 'erag'} --help")
         return 2
-    except (KeyboardInterrupt, click.exceptions.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         say("erag: interrupted; what was finished is kept, the same command goes on from there")
         return 130
     except BrokenPipeError:

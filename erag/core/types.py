@@ -91,7 +91,7 @@ class Observation:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Edges:
     """Undirected edges: `index` (2, e) int64 node rows, `kind` (e,) int8 of `EdgeKind`, `metres` (e,) float64."""
 
@@ -112,7 +112,7 @@ class Edges:
         return np.not_equal(self.kind, EdgeKind.OBSERVED_FROM)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TopoMap:
     """The topological map: nodes in a fixed order and the edges between their rows (paper, section on memory)."""
 
@@ -149,7 +149,7 @@ class Cluster:
     sensors: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Forest:
     """The semantic forest over m = n + c rows: first the map's n nodes (leaves), then c clusters.
 
@@ -168,6 +168,10 @@ class Forest:
         m = len(self.leaves) + len(self.clusters)
         if self.parent.shape != (m,) or self.level.shape != (m,) or len(self.embeddings) != m:
             raise ValueError(f"a forest of {m} rows got arrays {self.parent.shape} {self.level.shape}")
+        below = self.parent != NO_PARENT
+        above = self.parent[below]
+        if (above < 0).any() or (above >= m).any() or (self.level[above] <= self.level[below]).any():
+            raise ValueError("a forest needs parents among its rows, each on a level above its children's")
 
     @property
     def n_leaves(self) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from erag.core.errors import EragError, InputError, MemoryFileError
+from erag.core.geometry import distance
 from erag.core.types import Query
 from erag.data.contract import QueryLine, Result, parse_query, result_line
 from erag.generate.answer import Answerer
@@ -37,8 +38,9 @@ class Asker:
 
     def ground(self, x: float, y: float) -> float:
         """Height of the node nearest to (x, y): what a position given without a height stands on."""
-        positions = self.corpus.topomap.positions
-        return float(positions[np.square(positions[:, :2] - (x, y)).sum(axis=1).argmin(), 2])
+        topomap = self.corpus.topomap
+        flat = topomap.positions * (1, 1, 0)
+        return float(topomap.positions[distance(topomap.frame, flat, (x, y, 0)).argmin(), 2])
 
     def ask(self, query: Query) -> Result:
         """Hits and answer of one query. Raises InputError for a query that cannot be asked of this memory."""

@@ -1,1 +1,1 @@
-"""Observations to a topological map: edges, components, routes, graph distances."""
+"""Observations become a topological map: edges, components, routes and graph distances."""

@@ -22,9 +22,7 @@ TEXTS = ["a bench under a tree", "a bus stop", "a bench under a tree", "x", "Ein
 @pytest.fixture(params=["fake", "journal", pytest.param("sentence", marks=pytest.mark.weights)])
 def backend(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[LMBackend]:
     if request.param == "sentence":
-        if default_store().state("minilm-l6") == "missing":
-            pytest.skip("no weights: erag models pull minilm-l6")
-        yield build_backend(BackendConfig(), default_store())
+        yield build_backend(BackendConfig(), request.getfixturevalue("weights"))
         return
     fake = compose({"fake": Fake()}, Roles(dict.fromkeys(ROLES, "fake")))
     if request.param == "fake":
