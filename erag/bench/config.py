@@ -14,8 +14,8 @@ class RetrievalBench(BaseModel):
     """Retrievers compared on labelled queries over one memory.
 
     `source` and `queries` are paths, or `sample` for the data that comes with the package; `where` keeps only queries
-    with these keys; `forest` is `cluster`, or `given` for the clusters stated by the source; each of `retrievers` is a
-    set of overrides of `pipeline.retrieve`.
+    with these keys; `ask` says which conditions are asked beside the text; `forest` is `cluster`, or `given` for the
+    clusters stated by the source; each of `retrievers` is a set of overrides of `pipeline.retrieve`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -24,6 +24,7 @@ class RetrievalBench(BaseModel):
     source: str = "sample"
     queries: str = "sample"
     where: dict[str, str] = {}
+    ask: tuple[Literal["at", "sensor", "since", "until"], ...] = ()
     forest: Literal["cluster", "given"] = "cluster"
     memory: Path = Path("experiments/bench-retrieval/memory.erag")
     pipeline: PipelineConfig = PipelineConfig()

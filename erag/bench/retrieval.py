@@ -27,7 +27,9 @@ def run(config: RetrievalBench, store: ModelStore, progress: Progress = quiet) -
     with MemoryFile.writing(config.memory, "erag bench") as memory:
         build(memory, config.pipeline, store, given=config.forest == "given", progress=progress)
     for name, overrides in config.retrievers.items():
-        retrieve = validate(RetrieveConfig, {**config.pipeline.retrieve.model_dump(), **overrides}, f"retrievers.{name}")
+        retrieve = validate(
+            RetrieveConfig, {**config.pipeline.retrieve.model_dump(), **overrides}, f"retrievers.{name}"
+        )
         asker = Asker(config.memory, config.pipeline.model_copy(update={"retrieve": retrieve}), store)
-        for score in evaluate(asker, queries, config.where):
+        for score in evaluate(asker, queries, config.where, parts=config.ask):
             yield name, score

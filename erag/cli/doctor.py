@@ -38,8 +38,9 @@ def _machine() -> dict[str, str]:
     chip = cpu()
     known = sorted(chip.flags & {"avx2", "avx512f", "avx512_bf16", "avx512_vnni", "amx_bf16", "amx_int8"})
     why = "multiplied in hardware" if chip.fast_bf16 else "no bf16 in hardware"
+    extensions = ", ".join(known) or "no known extensions"
     return {
-        "cpu": f"{chip.name} ({chip.architecture}), {os.cpu_count()} cores, {', '.join(known) or 'no known extensions'}",
+        "cpu": f"{chip.name} ({chip.architecture}), {os.cpu_count()} cores, {extensions}",
         "precision": f"{choose_dtype('auto')} ({why})",
         "memory": _memory(),
         "disk": f"{shutil.disk_usage(Path.cwd()).free / 1e9:.0f} GB free here",
@@ -59,7 +60,9 @@ def _installed() -> dict[str, str]:
     found = {name: _version(name) for name in LIBRARIES}
     missing = [name for name, v in found.items() if v is None]
     present = ", ".join(f"{name} {v}" for name, v in found.items() if v)
-    return {"libraries": present + (f"; missing: {', '.join(missing)} (pip install 'erag[sentence]')" if missing else "")}
+    return {
+        "libraries": present + (f"; missing: {', '.join(missing)} (pip install 'erag[sentence]')" if missing else "")
+    }
 
 
 def _version(package: str) -> str | None:

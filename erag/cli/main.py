@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 import typer
@@ -10,6 +9,8 @@ import typer
 from erag.cli import bench, demo, doctor, memory, models, query
 from erag.cli.show import say
 from erag.core.errors import EragError
+
+INTERRUPTED = 130  # 128 + SIGINT, as shells count
 
 app = typer.Typer(
     name="erag", help="Offline Embodied-RAG: a robot's observations become a memory that can be asked.",
@@ -28,7 +29,7 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """The exit code of a command line; every expected error is one line on stderr."""
     try:
-        code = app(args=arguments, prog_name="erag", standalone_mode=False)
+        code = int(app(args=arguments, prog_name="erag", standalone_mode=False) or 0)
     except EragError as error:
         say(f"erag: {error.line()}")
         return 2
@@ -37,12 +38,10 @@ def run(arguments: list[str]) -> int:
         say(f"erag: {error.format_message()}; try: {context.command_path if context else 'erag'} --help")
         return 2
     except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    if code == INTERRUPTED:
         say("erag: interrupted; what was finished is kept, the same command goes on from there")
-        return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    return int(code or 0)
+    return code
 
 
 if __name__ == "__main__":

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+
+import typer
 
 from erag.core.errors import printable
 from erag.core.progress import Progress, quiet
@@ -16,8 +19,12 @@ def say(text: str) -> None:
 
 
 def out(text: str) -> None:
-    """A line of the result on stdout."""
-    print(text)  # noqa: T201
+    """A line of the result on stdout; a reader that has gone away ends the command without an error."""
+    try:
+        print(text, flush=True)  # noqa: T201
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit from None
 
 
 def lines(many: Iterable[str]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
@@ -11,6 +11,8 @@ from erag.core.errors import InputError
 from erag.data.contract import QueryLine, Result, read_queries
 from erag.evaluate.metrics import Interval, bootstrap, precision_at
 from erag.pipeline.query import Asker
+
+PARTS = ("at", "sensor", "since", "until")  # the conditions a query may have beside its text
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +51,25 @@ def read_labelled(path: Path, where: Mapping[str, str]) -> list[LabelledQuery]:
     return found
 
 
-def evaluate(asker: Asker, path: Path, where: Mapping[str, str] | None = None, top: int = 5) -> list[KindScore]:
-    """Ask every labelled query of a file; one score a kind, in the order kinds first appear."""
+def evaluate(
+    asker: Asker, path: Path, where: Mapping[str, str] | None = None, *, parts: Collection[str] = PARTS, top: int = 5
+) -> list[KindScore]:
+    """Ask every labelled query of a file; one score a kind, in the order kinds first appear.
+
+    Of location, sensors and time window only those in `parts` are asked; the text always is.
+    """
     queries = read_labelled(path, where or {})
     asker.warm_up()
-    results = list(asker.ask_lines((q.line for q in queries), top))
+    results = list(asker.ask_lines((_only(q.line, parts) for q in queries), top))
     kinds = dict.fromkeys(q.kind for q in queries)
     return [_score(kind, [(q, r) for q, r in zip(queries, results, strict=True) if q.kind == kind]) for kind in kinds]
+
+
+def _only(line: QueryLine, parts: Collection[str]) -> QueryLine:
+    """`line` without the conditions that are not in `parts`, where a text remains to be asked."""
+    raw = line.raw or {}
+    left_out = set(PARTS) - set(parts) if raw.get("query") else set()
+    return replace(line, raw={key: value for key, value in raw.items() if key not in left_out})
 
 
 def _labelled(path: Path, where: Mapping[str, str]) -> Iterator[LabelledQuery]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from erag.core.errors import ConfigError, MemoryFileError
-from erag.core.types import EdgeKind, Frame
+from erag.core.types import EdgeKind, Frame, Observation
 from erag.data.geojson import write_geojson
 from erag.data.reading import GivenCluster, GivenEdge, Reading
 from erag.data.writer import write_folder, write_gml
@@ -41,17 +44,34 @@ def as_reading(memory: MemoryFile) -> Reading:
     edges = tuple(stored.edges()) if generation is None else _edges(generation, [n.id for n in nodes])
     clusters = tuple(stored.clusters()) if generation is None else _clusters(generation)
     kept = {n.id for n in nodes} - stored.removed()
-    roots = [root for root, _, _ in sources.values()]
+    roots = {name: root for name, (root, _, _) in sources.items()}
+    root = Path(os.path.commonpath(list(roots.values())))
     return Reading(
         source=memory.path.stem,
-        root=roots[0] if len(roots) == 1 else Path(),
+        root=root,
         frame=stored.frame,
-        observations=tuple(n for n in nodes if n.id in kept),
+        observations=tuple(_under(root, roots[n.source], n) for n in nodes if n.id in kept),
         edges=tuple(e for e in edges if e.a in kept and e.b in kept),
-        clusters=clusters,
+        clusters=_without_absent(clusters, kept),
         sensors=stored.sensors(),
         notes=tuple(note for _, notes, _ in sources.values() for note in notes),
     )
+
+
+def _under(root: Path, own: Path, node: Observation) -> Observation:
+    """A node whose image path, stated relative to its source's folder, is relative to `root`."""
+    return node if node.image is None else replace(node, image=(own.relative_to(root) / node.image).as_posix())
+
+
+def _without_absent(clusters: Sequence[GivenCluster], nodes: set[str]) -> tuple[GivenCluster, ...]:
+    """Clusters (lower levels first) without members that are gone, and without clusters of which nothing is left."""
+    there, kept = set(nodes), []
+    for cluster in sorted(clusters, key=lambda c: c.level):
+        members = tuple(m for m in cluster.members if m in there)
+        if members:
+            there.add(cluster.id)
+            kept.append(replace(cluster, members=members))
+    return tuple(kept)
 
 
 def _edges(generation: Generation, ids: list[str]) -> tuple[GivenEdge, ...]:

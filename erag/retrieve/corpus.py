@@ -26,7 +26,7 @@ def split_sentences(texts: Sequence[str]) -> tuple[tuple[str, ...], IntArray]:
     return tuple(s for part in split for s in part), rows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Corpus:
     """A searchable memory of n nodes, s sentences and c clusters.
 
@@ -47,3 +47,8 @@ class Corpus:
     def searchable(self) -> npt.NDArray[np.bool_]:
         """(n,) bool: nodes that have a text and so can be a hit of a query with text."""
         return np.array([bool(t) for t in self.texts], np.bool_)
+
+    @cached_property
+    def visible(self) -> npt.NDArray[np.bool_]:
+        """(n,) bool: nodes with a text or an image, which can be a hit of a query that only says where."""
+        return self.searchable | np.array([node.image is not None for node in self.topomap.nodes], np.bool_)

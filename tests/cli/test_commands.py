@@ -48,7 +48,8 @@ def test_ingest_build_query_from_nothing(erag: Run, tmp_path: Path, fake_config:
     assert "up to date" in erag("build", memory, "--config", fake_config)[1]
     code, out, err = erag("query", memory, "a fire hydrant", "--config", fake_config, "--at-node", "n01")
     assert code == 0
-    assert "Go to n14" in out
+    assert out.startswith("Go to ")
+    assert "m along the map" in out
     assert "rows scored" in err
 
 

@@ -33,7 +33,7 @@ def transaction(self):
         tick()
 
 Database.transaction = transaction
-opened = open_memory(memory, config=fake_config)
+opened = open_memory(memory, config=config)
 opened.ingest(source)
 opened.build()
 """

@@ -1,0 +1,87 @@
+"""How a query is answered from a corpus: which retriever, and how location and sensors weigh in."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Config(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class NodeConfig(_Config):
+    """One vector per node: the cosine of query and text."""
+
+    kind: Literal["node"] = "node"
+
+
+class SentenceConfig(_Config):
+    """One vector per sentence: the best sentence of a node counts."""
+
+    kind: Literal["sentence"] = "sentence"
+
+
+class Bm25Config(_Config):
+    """Words in common, by BM25 (Lucene's form): `k1` saturates repetition, `b` discounts long texts.
+
+    `stop_words`: `none` leaves common words to the weight BM25 gives them; `english` drops 179 of them first.
+    """
+
+    kind: Literal["bm25"] = "bm25"
+    k1: Positive = 1.5
+    b: Share = 0.75
+    stop_words: Literal["none", "english"] = "none"
+
+
+class FusionConfig(_Config):
+    """Reciprocal rank fusion of node, sentence and BM25: the sum of 1 / (k + rank)."""
+
+    kind: Literal["fusion"] = "fusion"
+    k: Positive = 60.0
+    bm25: Bm25Config = Field(default_factory=Bm25Config)
+
+
+FlatConfig = Annotated[NodeConfig | SentenceConfig | Bm25Config | FusionConfig, Field(discriminator="kind")]
+
+
+class TreeConfig(_Config):
+    """Descent through the forest: of the clusters below each opened cluster the best `branches` are opened next.
+
+    A cluster is judged by `evidence` × (the best leaf score below it) + (1 - `evidence`) × (its own similarity to the
+    query): 0 is the paper's descent through summaries, 1 cannot lose the best leaf. `cluster_embedding` says what a
+    cluster is like: the vector of its `summary` (of its `mean` where it has none), or always the `mean` of its nodes.
+    `leaves` says which leaves below an opened cluster are scored: `all`, or as in the paper the `best` `branches`,
+    chosen together with the clusters beside them. `scores` gives the leaves their scores.
+    """
+
+    kind: Literal["tree"] = "tree"
+    branches: Annotated[int, Field(ge=1)] = 3
+    evidence: Share = 0.5
+    scores: FlatConfig = Field(default_factory=FusionConfig)
+    cluster_embedding: Literal["summary", "mean"] = "summary"
+    leaves: Literal["all", "best"] = "all"
+
+
+RetrieverConfig = Annotated[
+    NodeConfig | SentenceConfig | Bm25Config | FusionConfig | TreeConfig, Field(discriminator="kind")
+]
+
+
+class RetrieveConfig(_Config):
+    """A retriever, and the re-ranking of its best `pool` hits by location and sensors (paper, phase 2).
+
+    score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
+    score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
+    distance of the map's nodes from their centre.
+    """
+
+    retriever: RetrieverConfig = Field(default_factory=FusionConfig)
+    alpha_rank: Share = 0.1
+    theta_rank: Positive | Literal["auto"] = "auto"
+    sensor_weight: Share = 0.3
+    pool: Annotated[int, Field(ge=1)] = 50

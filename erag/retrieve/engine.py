@@ -1,0 +1,219 @@
+"""Queries to hits: the retriever that is asked, restricted by time, re-ranked by location and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from erag.core.errors import InputError
+from erag.core.geometry import spatial_similarity
+from erag.core.types import Frame, Hit, IntArray, Query, Range
+from erag.lm.roles import Vectors
+from erag.retrieve.bm25 import Bm25Scorer
+from erag.retrieve.config import Bm25Config, FlatConfig, FusionConfig, NodeConfig, RetrieveConfig, TreeConfig
+from erag.retrieve.corpus import Corpus
+from erag.retrieve.flat import NodeScorer, SentenceScorer
+from erag.retrieve.fusion import FusionScorer
+from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
+from erag.retrieve.scoring import Batch, FlatSearch, LeafScorer, Mask, Reached, Search, best_first
+from erag.retrieve.tree import ClusterJudge, TreeSearch
+
+_BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) arrays
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Hits, best first and unique; how many tree nodes and leaves were scored; what a user should know about it."""
+
+    hits: tuple[Hit, ...]
+    visited: int = 0
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Ranked:
+    """Hits in final order: rows (r,), scores (r,), parts (r,) or None, and whether metres are along edges (r,)."""
+
+    rows: IntArray
+    score: Floats
+    semantic: Floats | None
+    spatial: Floats | None
+    sensor: Floats | None
+    on_edges: Mask | None
+
+
+def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
+    """The flat retriever a configuration asks for."""
+    if isinstance(config, NodeConfig):
+        return NodeScorer(corpus)
+    if isinstance(config, Bm25Config):
+        return Bm25Scorer(corpus, config)
+    if isinstance(config, FusionConfig):
+        parts = (NodeScorer(corpus), SentenceScorer(corpus), Bm25Scorer(corpus, config.bm25))
+        return FusionScorer(parts, config.k)
+    return SentenceScorer(corpus)
+
+
+class Retriever:
+    """Answers queries over one corpus. Indexes are made once, here.
+
+    `router` measures distances (straight lines without one), `sensors` holds the declared range of each channel, and
+    `judge` takes the decisions of a tree instead of the scores.
+    """
+
+    def __init__(
+        self,
+        corpus: Corpus,
+        config: RetrieveConfig,
+        router: Distances | None = None,
+        sensors: Mapping[str, Range] | None = None,
+        judge: ClusterJudge | None = None,
+    ) -> None:
+        if corpus.forest.leaves != tuple(node.id for node in corpus.topomap.nodes):
+            raise ValueError("the leaves of the forest are not the nodes of the map")
+        self._corpus, self._config = corpus, config
+        self._search = _search(corpus, config, judge)
+        self._distances = router or StraightLines(corpus.topomap)
+        self._times, self._sensors = Times.of(corpus.topomap), Sensors(corpus.topomap, sensors or {})
+        self._theta = auto_theta(corpus.topomap) if config.theta_rank == "auto" else config.theta_rank
+
+    def retrieve(self, queries: Sequence[Query], vectors: Vectors) -> list[Found]:
+        """The hits of each query (paper, phases 1 and 2).
+
+        `vectors` (q, d) are unit rows, zeros for queries without text; with BM25 alone they are not looked at.
+        Raises InputError for a query with neither text nor position, a position that cannot be, an unknown sensor
+        channel, an empty range or time window, or `top` below 1.
+        """
+        self._check_vectors(queries, vectors)
+        for query in queries:
+            _check(query, self._corpus.topomap.frame)
+        spoken = [i for i, query in enumerate(queries) if _asks_text(query)]
+        reached: dict[int, Reached] = {}
+        for start in range(0, len(spoken), _BLOCK):
+            block = spoken[start : start + _BLOCK]
+            reached.update(zip(block, self._reach([queries[i] for i in block], vectors[block]), strict=True))
+        return [self._found(query, reached.get(i)) for i, query in enumerate(queries)]
+
+    def _check_vectors(self, queries: Sequence[Query], vectors: Vectors) -> None:
+        if isinstance(self._config.retriever, Bm25Config):
+            return
+        expected = (len(queries), self._corpus.node_vectors.shape[1])
+        if vectors.shape != expected:
+            raise ValueError(f"query vectors of shape {vectors.shape}, expected {expected}")
+        for query, vector in zip(queries, vectors, strict=True):
+            if _asks_text(query) and not vector.any():
+                raise ValueError(f"the text {query.text!r} came without a vector")
+
+    def _reach(self, queries: Sequence[Query], vectors: Vectors) -> list[Reached]:
+        if not self._corpus.searchable.any():
+            return [Reached(np.empty(0, np.int64), np.empty(0, np.float32), 0) for _ in queries]
+        batch = Batch(tuple(query.text or "" for query in queries), vectors)
+        return self._search.search(batch, np.stack([self._eligible(query) for query in queries]))
+
+    def _askable(self, query: Query) -> Mask:
+        """(n,) bool: nodes with what the query looks at, whenever they were observed."""
+        return self._corpus.searchable if _asks_text(query) else self._corpus.visible
+
+    def _eligible(self, query: Query) -> Mask:
+        if query.since is None and query.until is None:
+            return self._askable(query)
+        return self._askable(query) & self._times.within(query.since, query.until)
+
+    def _found(self, query: Query, reached: Reached | None) -> Found:
+        if reached is None:
+            rows = np.flatnonzero(self._eligible(query))
+            ranked, visited = self._rank(query, rows, None), len(rows)
+        else:
+            order = best_first(reached.scores, reached.rows)[: max(self._config.pool, query.top)]
+            semantic = reached.scores[order].astype(np.float64)
+            ranked, visited = self._rank(query, reached.rows[order], semantic), reached.visited
+        hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
+        return Found(hits, visited, (*self._map_notes(query, bool(hits)), *_hit_notes(query, ranked)))
+
+    def _rank(self, query: Query, rows: IntArray, semantic: Floats | None) -> _Ranked:
+        """The best `top` of candidates `rows` (r,); equal scores go by distance, where it counts, then by row."""
+        spatial = sensor = on_edges = None
+        score, nearness = np.zeros(len(rows)) if semantic is None else semantic, np.zeros(len(rows))
+        if query.at is not None:
+            metres, on_edges = self._distances.path_or_straight(query.at, rows)
+            spatial = spatial_similarity(metres, self._theta)
+            alpha = 1.0 if semantic is None else self._config.alpha_rank
+            score, nearness = blend(score, spatial, alpha), metres if alpha > 0 else nearness
+        if query.sensors:
+            sensor = self._sensor_scores(query)[rows]
+            score = blend(score, sensor, self._config.sensor_weight)
+        order = best_first(score, nearness, rows)[: query.top]
+        semantic, spatial, sensor = (None if part is None else part[order] for part in (semantic, spatial, sensor))
+        on_edges = None if on_edges is None else on_edges[order]
+        return _Ranked(rows[order], score[order], semantic, spatial, sensor, on_edges)
+
+    def _sensor_scores(self, query: Query) -> Floats:
+        where = _name(query)
+        scores = [self._sensors.score(channel, wish, where) for channel, wish in sorted(query.sensors.items())]
+        return mean_known(scores, len(self._corpus.topomap))
+
+    def _hit(self, ranked: _Ranked, i: int) -> Hit:
+        row = int(ranked.rows[i])
+        node = self._corpus.topomap.nodes[row]
+        parts = (ranked.semantic, ranked.spatial, ranked.sensor)
+        semantic, spatial, sensor = (None if p is None or np.isnan(p[i]) else float(p[i]) for p in parts)
+        path = self._corpus.forest.path(row)
+        return Hit(node.id, node.pose.xyz, float(ranked.score[i]), semantic, spatial, sensor, path)
+
+    def _map_notes(self, query: Query, any_hits: bool) -> list[str]:
+        """Why nothing was found, and what a time window left out."""
+        askable, notes = self._askable(query), []
+        if query.since is not None or query.until is not None:
+            unknown = int((askable & ~self._times.known).sum())
+            if unknown:
+                notes.append(f"{unknown} nodes of unknown time were left out")
+        if any_hits:
+            return notes
+        if not len(askable):
+            reason = "the map is empty"
+        elif not askable.any():
+            reason = "no node of this map has a text" if _asks_text(query) else "no node of this map shows anything"
+        else:
+            inside = self._eligible(query).any()
+            reason = "no text shares a word with the query" if inside else "nothing was observed in the time window"
+        return [*notes, reason]
+
+
+def _search(corpus: Corpus, config: RetrieveConfig, judge: ClusterJudge | None) -> Search:
+    kind = config.retriever
+    if isinstance(kind, TreeConfig):
+        return TreeSearch(corpus, kind, leaf_scorer(corpus, kind.scores), judge)
+    return FlatSearch(leaf_scorer(corpus, kind), int(corpus.searchable.sum()))
+
+
+def _asks_text(query: Query) -> bool:
+    return bool(query.text and query.text.strip())
+
+
+def _name(query: Query) -> str:
+    return f"query {query.id}" if query.id else "the query"
+
+
+def _check(query: Query, frame: Frame) -> None:
+    if query.top < 1:
+        raise InputError(f"top is {query.top}", where=_name(query), allowed="at least 1")
+    if not _asks_text(query) and query.at is None:
+        raise InputError("neither a text nor a position", where=_name(query), allowed="query, at, or both")
+    if query.at is not None and frame is Frame.WGS84 and abs(query.at.y) > 90:
+        raise InputError(f"latitude {query.at.y}", where=_name(query), allowed="longitude, latitude within -90..90")
+    if query.since is not None and query.until is not None and query.since > query.until:
+        raise InputError(f"since {query.since} > until {query.until}", where=_name(query), allowed="since <= until")
+
+
+def _hit_notes(query: Query, ranked: _Ranked) -> list[str]:
+    """What the scores of the hits rest on where that is not what one would expect."""
+    shown, notes = len(ranked.rows), []
+    straight = 0 if ranked.on_edges is None else int((~ranked.on_edges).sum())
+    if straight:
+        notes.append(f"{straight} of {shown} distances are straight lines, not along edges of the map")
+    unread = 0 if ranked.sensor is None else int(np.isnan(ranked.sensor).sum())
+    if unread:
+        notes.append(f"{unread} of {shown} hits have no reading of {', '.join(sorted(query.sensors))}")
+    return notes
