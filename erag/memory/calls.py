@@ -45,14 +45,17 @@ class Calls:
             self._indexed = True
         return {key: self._index[key] for key in keys if key in self._index}
 
-    def read_vectors(self, places: IntArray) -> Vectors:
-        """(n, d) float32 unit rows for places (n, 2); a place (-1, -1) gives a row of zeros."""
+    def read_vectors(self, places: IntArray, dim: int = 0) -> Vectors:
+        """(n, d) float32 unit rows for places (n, 2); a place (-1, -1) gives a row of zeros.
+
+        `dim` is the width where no place names a vector.
+        """
         blocks = {int(b) for b in np.unique(places[:, 0]) if b >= 0}
         loaded: dict[int, Vectors] = {}
-        for block, dim, data in self._db.rows("SELECT block, dim, data FROM vectors ORDER BY block"):
+        for block, width, data in self._db.rows("SELECT block, dim, data FROM vectors ORDER BY block"):
             if block in blocks:
-                loaded[block] = _unit(np.frombuffer(data, np.float16).reshape(-1, dim).astype(np.float32))
-        dim = max((v.shape[1] for v in loaded.values()), default=0)
+                loaded[block] = _unit(np.frombuffer(data, np.float16).reshape(-1, width).astype(np.float32))
+        dim = max((v.shape[1] for v in loaded.values()), default=dim)
         out = np.zeros((len(places), dim), np.float32)
         for block, vectors in loaded.items():
             here = np.flatnonzero(places[:, 0] == block)

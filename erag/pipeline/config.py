@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -87,7 +87,10 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         raise ConfigError(f"{override!r} is not YAML: {error}", where="--set") from error
 
 
-def validate(model: type[Any], raw: object, where: str) -> Any:
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def validate(model: type[Model], raw: object, where: str) -> Model:
     """`raw` as a configuration model; the first fault becomes one line with its path and what is allowed."""
     try:
         return model.model_validate(raw)

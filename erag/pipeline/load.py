@@ -47,12 +47,14 @@ def _corpus(memory: MemoryFile, generation: Generation, nodes: list[Observation]
     kept = tuple(_silenced(o) if o.id in removed else o for o in nodes[:n])
     edges = Edges(arrays["edge_index"], arrays["edge_kind"], arrays["edge_metres"])
     topomap = TopoMap(frame, kept, edges)
-    node_vectors = memory.calls.read_vectors(arrays["node_places"])
-    embeddings = np.concatenate([node_vectors, arrays["cluster_vectors"].reshape(-1, node_vectors.shape[1])])
+    dim = arrays["cluster_vectors"].shape[1]
+    node_vectors, sentence_vectors, summary_vectors = (
+        memory.calls.read_vectors(arrays[f"{part}_places"], dim) for part in ("node", "sentence", "summary")
+    )
+    embeddings = np.concatenate([node_vectors, arrays["cluster_vectors"]])
     forest = Forest(tuple(o.id for o in kept), generation.clusters, arrays["parent"], arrays["level"], embeddings)
     return Corpus(
-        topomap, forest, map_texts(topomap), node_vectors, memory.calls.read_vectors(arrays["sentence_places"]),
-        arrays["sentence_rows"], memory.calls.read_vectors(arrays["summary_places"]),
+        topomap, forest, map_texts(topomap), node_vectors, sentence_vectors, arrays["sentence_rows"], summary_vectors
     )  # fmt: skip
 
 

@@ -68,7 +68,7 @@ class Asker:
         if query.text is None:
             return np.zeros(self.corpus.node_vectors.shape[1], np.float32)
         self.ledger.calls["embed"] += 1
-        return self._backend.embed([query.text], "query")[0]
+        return np.asarray(self._backend.embed([query.text], "query")[0])
 
 
 def _check_embedder(path: Path, built: Built, identity: str) -> None:
