@@ -24,6 +24,9 @@ from erag.memory.file import MemoryFile
 OUTSIDE = Path(__file__).resolve().parents[2] / "shared/data/cmu_500/topological_map.gml"
 
 
+START_UP_S = 2.0
+
+
 def main() -> int:
     """Run the test and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -36,12 +39,13 @@ def main() -> int:
         whole, broken = Path(folder) / "whole.erag", Path(folder) / "broken.erag"
         lengths = {step: _run(step, args.source, whole) for step in ("ingest", "build")}
         print(f"uninterrupted: ingest {lengths['ingest']:.1f} s, build {lengths['build']:.1f} s")
-        moments = sorted(rng.uniform(0.02, 0.98) for _ in range(args.kills))
-        for moment in moments[: args.kills // 3]:
-            _kill("ingest", args.source, broken, moment * lengths["ingest"])
+        of_ingest = args.kills // 3
+        for _ in range(of_ingest):
+            _kill("ingest", args.source, broken, rng.uniform(0.1, 0.98) * lengths["ingest"])
         _run("ingest", args.source, broken)
-        for moment in moments[args.kills // 3 :]:
-            _kill("build", args.source, broken, moment * lengths["build"])
+        step = lengths["build"] / (args.kills - of_ingest)  # each build goes on from the last, so each gets a share
+        for _ in range(args.kills - of_ingest):
+            _kill("build", args.source, broken, START_UP_S + rng.uniform(0, 1.2) * step)
         _run("build", args.source, broken)
         return _verdict(whole, broken)
 

@@ -87,17 +87,9 @@ def _ends_sentence(text: str, mark: re.Match[str]) -> bool:
     return token is None or not (token[0].lower() in _ABBREVIATIONS or _ACRONYM.fullmatch(token[0]))
 
 
-def label(name: str) -> str:
-    """A name to be read: as it is where it was written in words, an identifier split into words."""
-    return name if " " in name else name_words(name)
-
-
 def node_text(name: str | None, caption: str | None) -> str:
-    """What a node says: its name as a sentence of its own, then its caption; nothing where it has neither."""
-    called, said = label(clean(name or "")), clean(caption or "")
-    if not (called and said):
-        return called or said
-    return f"{called} {said}" if called[-1] in ".!?" else f"{called}. {said}"
+    """What a node says: its caption, else its name as words, else nothing."""
+    return clean(caption or "") or name_words(clean(name or ""))
 
 
 def content_hash(*parts: str | bytes) -> bytes:

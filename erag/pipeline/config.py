@@ -71,7 +71,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def apply_override(raw: dict[str, Any], override: str) -> None:
-    """Set `a.b=value` in place; the value is read as YAML."""
+    """Set `a.b=value` in place; the value is read as YAML. Another `kind` starts its section anew."""
     path, equals, value = override.partition("=")
     keys = path.split(".")
     if not equals or not all(keys):
@@ -82,9 +82,12 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         if not isinstance(at, dict):
             raise ConfigError(f"{override!r}: {key!r} holds a value, not a section", where="--set")
     try:
-        at[keys[-1]] = yaml.safe_load(value)
+        loaded = yaml.safe_load(value)
     except yaml.YAMLError as error:
         raise ConfigError(f"{override!r} is not YAML: {error}", where="--set") from error
+    if keys[-1] == "kind" and at.get("kind") != loaded:
+        at.clear()
+    at[keys[-1]] = loaded
 
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -28,7 +28,7 @@ class Asker:
 
     def __init__(self, path: Path, config: PipelineConfig, store: ModelStore) -> None:
         built = load(path)
-        self.ledger = Ledger()
+        self.ledger, self._warm = Ledger(), False
         self._backend = build_backend(config.backend, store, self.ledger)
         _check_embedder(path, built, self._backend.identity("embed"))
         self.corpus, self.notes = built.corpus, built.stale
@@ -44,6 +44,8 @@ class Asker:
 
     def ask(self, query: Query) -> Result:
         """Hits and answer of one query. Raises InputError for a query that cannot be asked of this memory."""
+        if query.text is not None and not self._warm:
+            self.warm_up()
         start, calls = time.perf_counter(), self.ledger.calls["embed"]
         vector = self._vector(query)
         found = self._retriever.retrieve([query], vector[None, :])[0]
@@ -61,8 +63,9 @@ class Asker:
                 yield Result(line.id, error=error.line())
 
     def warm_up(self) -> None:
-        """Load the models now, so that the first query's seconds are those of any other."""
+        """Load the models, so that the first query's seconds are those of any other."""
         self._backend.embed(["warm up"], "query")
+        self._warm = True
 
     def _vector(self, query: Query) -> Vectors:
         if query.text is None:

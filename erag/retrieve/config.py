@@ -33,7 +33,7 @@ class Bm25Config(_Config):
     """
 
     kind: Literal["bm25"] = "bm25"
-    k1: Positive = 1.2
+    k1: Positive = 1.5
     b: Share = 0.75
     stop_words: Literal["none", "english"] = "none"
 
