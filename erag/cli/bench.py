@@ -55,6 +55,6 @@ def _clustering(config: ClusteringBench) -> None:
 
     rows = []
     for row in run(config.sizes, config.seed):
-        show.say(f"{row.nodes} nodes done in {row.seconds:.1f} s")
+        show.say(f"{row.nodes} nodes, {row.method}: {row.seconds:.1f} s")
         rows.append(row)
     show.table(*columns(rows))
