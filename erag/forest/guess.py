@@ -19,9 +19,9 @@ LOCAL_THETAS = 2.0  # how far near by is
 def height_for(clusters: Table, goal: int, limit: int) -> float:
     """A height within which a pass should find enough pairs of clusters, and at most about 3/4 of `limit`.
 
-    Enough are PAIRS_PER_CLUSTER, or fewer where few merges are left to `goal` clusters. Drawn from all pairs of a sample of
-    clusters; infinite when all pairs are not more than that. Lower where a height that only near pairs can reach already
-    gives a few pairs a cluster.
+    Enough are PAIRS_PER_CLUSTER, or fewer where few merges are left to `goal` clusters. Drawn from all pairs of a
+    sample of clusters; infinite when all pairs are not more than that. Lower where a height that only near pairs can
+    reach already gives a few pairs a cluster.
     """
     m = len(clusters)
     share_left = max(1 / PAIRS_PER_CLUSTER, min(1.0, 2.0 * (1.0 - goal / m)))
