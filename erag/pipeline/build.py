@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from erag.retrieve.corpus import map_texts, split_sentences
 from erag.topomap.build import build_map
 
 NOWHERE = (-1, -1)
+BUILD_VERSION = 1  # raised when the same observations and configuration give another map, text or forest
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def build(
     """
     ledger, clock = Ledger(), _Clock()
     backend = Journal(build_backend(config.backend, store, ledger), memory.calls, ledger, progress)
-    resolved = f"{'given ' if given else ''}{config.model_dump_json()}"
+    resolved = _resolved(config, given)
     if memory.generations.meta() == (memory.observations.revision, resolved):
         return BuildReport(("the forest is up to date",), clock.seconds, ledger, current=True)
     topomap, map_lines = _map(memory, config)
@@ -84,6 +86,12 @@ def build(
     memory.generations.swap_in(new, memory.observations.purge)
     clock.stage("store")
     return BuildReport((*map_lines, *forest_lines, *ledger.lines()), clock.seconds, ledger)
+
+
+def _resolved(config: PipelineConfig, given: bool) -> str:
+    """Everything but the observations that determines a forest, as JSON; another value means a new build."""
+    build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster"}
+    return json.dumps({"build": build, "config": config.model_dump(mode="json")}, sort_keys=True)
 
 
 def _map(memory: MemoryFile, config: PipelineConfig) -> tuple[TopoMap, list[str]]:
