@@ -15,7 +15,8 @@ class RetrievalBench(BaseModel):
 
     `source` and `queries` are paths, or `sample` for the data that comes with the package; `where` keeps only queries
     with these keys; `ask` says which conditions are asked beside the text; `forest` is `cluster`, or `given` for the
-    clusters stated by the source; each of `retrievers` is a set of overrides of `pipeline.retrieve`.
+    clusters stated by the source; `memory` is where the memory is kept, one a source by default; each of `retrievers`
+    is a set of overrides of `pipeline.retrieve`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -26,7 +27,7 @@ class RetrievalBench(BaseModel):
     where: dict[str, str] = {}
     ask: tuple[Literal["at", "sensor", "since", "until"], ...] = ()
     forest: Literal["cluster", "given"] = "cluster"
-    memory: Path = Path("experiments/bench-retrieval/memory.erag")
+    memory: Path | None = None
     pipeline: PipelineConfig = PipelineConfig()
     retrievers: dict[str, dict[str, object]]
 

@@ -45,12 +45,24 @@ def query(
     from erag.pipeline.config import load_config
     from erag.pipeline.query import Asker
 
+    one = {"TEXT": text, "--at": at, "--at-node": at_node, "--sensor": sensor, "--since": since, "--until": until}
+    _fit({**one, "--kind": kind, "--json": json_ or None} if queries else {"--where": where, "--out": out}, queries)
     asker = Asker(memory, load_config(preset, config, overrides or ()), default_store())
     if queries is not None:
         _many(asker, queries, _pairs(where or (), "--where"), top, out)
         return
     raw = {"id": "query", "query": text, "kind": kind, "since": since, "until": until}
     _one(asker, {**raw, "at": _position(asker, at, at_node)}, _wishes(sensor or ()), top, json_)
+
+
+def _fit(others: Mapping[str, object], queries: Path | None) -> None:
+    """Refuse options that would be ignored."""
+    from erag.core.errors import ConfigError
+
+    stray = [name for name, value in others.items() if value is not None]
+    if stray:
+        allowed = "the conditions each line states" if queries else "with --queries Q.jsonl"
+        raise ConfigError(f"{' and '.join(stray)} {'with' if queries else 'without'} --queries", allowed=allowed)
 
 
 def _one(asker: Asker, raw: Mapping[str, object], wishes: Mapping[str, SensorWish], top: int, as_json: bool) -> None:
@@ -95,7 +107,7 @@ def _many(asker: Asker, path: Path, where: Mapping[str, str], top: int, out: Pat
         raise InputError(f"no query{chosen}", where=str(path))
     with show.progress_bars(out is not None) as progress:
         results = _counted(asker.ask_lines(lines, top), len(lines), progress)
-        failed = write_run(results, out, show.out)
+        failed = write_run(results, out, show.out, asker.path, path)
     if failed:
         show.say(f"{failed} of {len(lines)} queries could not be asked; their lines have an error")
     if failed == len(lines):
@@ -132,7 +144,10 @@ def _pairs(given: Sequence[str], option: str) -> dict[str, str]:
     for pair in given:
         if "=" not in pair:
             raise InputError(f"{pair!r}", where=option, allowed="KEY=VALUE")
-    return {key: value for key, _, value in (pair.partition("=") for pair in given)}
+    pairs = {key: value for key, _, value in (pair.partition("=") for pair in given)}
+    if len(pairs) < len(given):
+        raise InputError("the same key twice", where=option, allowed="each key once")
+    return pairs
 
 
 def _wishes(given: Sequence[str]) -> dict[str, SensorWish]:

@@ -12,6 +12,8 @@ import typer
 from erag.core.errors import printable
 from erag.core.progress import Progress, quiet
 
+MAX_LINE = 100_000  # characters of a line of results
+
 
 def say(text: str) -> None:
     """A message on stderr."""
@@ -30,7 +32,7 @@ def out(text: str) -> None:
 def lines(many: Iterable[str]) -> None:
     """Lines of the result on stdout, made printable."""
     for line in many:
-        out(printable(line))
+        out(printable(line, MAX_LINE))
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, right: Sequence[str] = ()) -> None:
@@ -52,7 +54,9 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, right: Se
     for row in rows:
         grid.add_row(*(Text(printable(str(cell))) for cell in row))
     console = Console()
-    console.print(grid) if console.is_terminal else Console(width=160).print(grid)
+    with console.capture() as drawn:
+        (console if console.is_terminal else Console(width=160)).print(grid)
+    out(drawn.get().rstrip("\n"))
 
 
 @contextmanager

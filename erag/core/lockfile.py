@@ -24,14 +24,22 @@ def exclusive(path: Path, purpose: str, taken: Callable[[str], EragError]) -> It
     try:
         handle = _acquire(path, taken)
     except OSError as error:
-        raise InputError(f"cannot be made: {error.strerror}", where=str(path), allowed="a writable folder") from error
+        raise InputError(f"no lock file: {error.strerror}", where=str(path), allowed="a writable folder") from error
     try:
-        os.ftruncate(handle, 0)
-        os.write(handle, f"{purpose}, process {os.getpid()} on {socket.gethostname()}, since {time.ctime()}".encode())
+        _sign(handle, path, purpose)
         yield
     finally:
         path.unlink(missing_ok=True)
         os.close(handle)
+
+
+def _sign(handle: int, path: Path, purpose: str) -> None:
+    note = f"{purpose}, process {os.getpid()} on {socket.gethostname()}, since {time.ctime()}"
+    try:
+        os.ftruncate(handle, 0)
+        os.write(handle, note.encode())
+    except OSError as error:
+        raise InputError(f"no lock file: {error.strerror}", where=str(path), repair="free disk space") from error
 
 
 def _acquire(path: Path, taken: Callable[[str], EragError]) -> int:

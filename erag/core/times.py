@@ -37,6 +37,9 @@ def parse_time(stamp: str) -> Interval:
     raise ValueError(f"{printable(stamp, 80)!r} is no time; allowed: {FORMS}")
 
 
+_LAST_STAMP = "9999-12-31T23:59:59Z"  # stands for the end of the year 9999, which no date-time can name
+
+
 def format_time(interval: Interval) -> str:
     """The shortest stamp that means this interval to the microsecond, else `start/end` in RFC 3339.
 
@@ -48,7 +51,8 @@ def format_time(interval: Interval) -> str:
     for stamp in (day[:4], day[:7], day):
         if parse_time(stamp) == interval:
             return stamp
-    return f"{_rfc3339(interval.start)}/{_rfc3339(interval.end)}"
+    end = _LAST_STAMP if interval.end == _LAST_S else _rfc3339(interval.end)
+    return f"{_rfc3339(interval.start)}/{end}"
 
 
 def parse_interval(stamp: str) -> Interval:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ KINDS: Mapping[str, QueryKind] = {
     "find": "find", "explicit": "find", "implicit": "find", "explain": "explain", "global": "explain",
 }  # fmt: skip
 MAX_QUERY = 2000  # characters
+MAX_NUMBER = 1e300  # also keeps out integers no float can hold
 Ground = Callable[[float, float], float]  # z of the map at (x, y), for positions given without one
 
 
@@ -48,6 +48,8 @@ def read_queries(path: Path, where: Mapping[str, str]) -> Iterator[QueryLine]:
 
     A line that is not a JSON object is always returned, with raw None, so that it is answered by an error.
     """
+    if path.exists() and not path.is_file():
+        raise InputError("is not a regular file", where=str(path), allowed="a file of queries")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
@@ -70,14 +72,14 @@ def parse_query(line: QueryLine, top: int, ground: Ground, where: str | None = N
     raw, where = line.raw, where or f"line {line.number}"
     if raw is None:
         raise InputError("not a JSON object", where=where, allowed='{"id": …, "query": …}')
-    if not isinstance(raw.get("id"), str | int) or raw["id"] == "":
+    if not isinstance(raw.get("id"), str | int) or raw["id"] == "" or not _encodable(line.id):
         raise InputError(f"id is {raw.get('id')!r}", where=where, allowed="a text")
     text = parse_text(raw.get("query"), where)
     at = parse_at(raw["at"], where, ground) if raw.get("at") is not None else None
     if text is None and at is None:
         raise InputError("neither query nor at", where=where, allowed="at least one of them")
     kind = raw.get("kind")
-    if kind is not None and kind not in KINDS:
+    if kind is not None and (not isinstance(kind, str) or kind not in KINDS):
         raise InputError(f"kind is {kind!r}", where=where, allowed=", ".join(KINDS))
     since, until = parse_window(raw.get("since"), raw.get("until"), where)
     sensors = _sensors(raw.get("sensor"), where)
@@ -88,7 +90,7 @@ def parse_text(value: Any, where: str) -> str | None:
     """The text of a query; None where there is none."""
     if value is None:
         return None
-    if not isinstance(value, str) or not value.strip() or len(value) > MAX_QUERY:
+    if not isinstance(value, str) or not value.strip() or len(value) > MAX_QUERY or not _encodable(value):
         shown = value if not isinstance(value, str) or len(value) < 80 else f"{value[:60]}… ({len(value)} characters)"
         raise InputError(f"query is {shown!r}", where=where, allowed=f"a text of 1 to {MAX_QUERY} characters")
     return value.strip()
@@ -96,10 +98,7 @@ def parse_text(value: Any, where: str) -> str | None:
 
 def parse_at(value: Any, where: str, ground: Ground) -> Pose:
     """A position [x, y] or [x, y, z] in the map's frame."""
-    numbers = isinstance(value, list | tuple) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value
-    )
-    if not numbers or len(value) not in (2, 3):
+    if not isinstance(value, list | tuple) or len(value) not in (2, 3) or not all(map(_is_number, value)):
         raise InputError(f"at is {value!r}", where=where, allowed="[x, y] or [x, y, z], finite, in the map's frame")
     x, y = float(value[0]), float(value[1])
     return Pose(x, y, float(value[2]) if len(value) == 3 else ground(x, y))
@@ -119,8 +118,7 @@ def parse_wish(name: str, value: Any, where: str) -> SensorWish:
         return "low" if value == "low" else "high"
     if isinstance(value, list | tuple) and len(value) == 2:
         low, high = value
-        numbers = all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value)
-        if numbers and low <= high:
+        if _is_number(low) and _is_number(high) and low <= high:
             return (float(low), float(high))
     raise InputError(f"sensor {name} is {value!r}", where=where, allowed="low, high or [min, max]")
 
@@ -149,6 +147,18 @@ def _parse_line(number: int, line: str) -> QueryLine:
         return QueryLine(number, f"line {number}", None)
     id_ = raw.get("id")
     return QueryLine(number, str(id_) if isinstance(id_, str | int) and id_ != "" else f"line {number}", raw)
+
+
+def _encodable(text: str) -> bool:
+    """Whether a text from JSON has no half of a surrogate pair, which no file can hold."""
+    return text.encode("utf-8", "ignore").decode() == text
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a JSON value is a number that fits a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < MAX_NUMBER
 
 
 def _moment(name: str, value: Any, where: str) -> float | None:

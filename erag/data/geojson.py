@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from erag.core.geometry import centroid
+from erag.core.output import replacing
 from erag.core.times import format_time
 from erag.core.types import Observation
 from erag.data.reading import GivenCluster, Reading
@@ -17,10 +18,9 @@ from erag.data.reading import GivenCluster, Reading
 
 def write_geojson(path: Path, reading: Reading) -> None:
     """Write `reading` to `path`, complete or not at all. Metric positions stay local metres; `frame` says which."""
-    partial = path.with_name(path.name + ".partial")
     body = {"type": "FeatureCollection", "frame": reading.frame.value, "features": list(_features(reading))}
-    partial.write_text(json.dumps(body, ensure_ascii=False, allow_nan=False), encoding="utf-8")
-    partial.replace(path)
+    with replacing(path) as file:
+        file.write(json.dumps(body, ensure_ascii=False, allow_nan=False))
 
 
 def _features(reading: Reading) -> Iterator[dict[str, Any]]:
@@ -50,7 +50,7 @@ def _coordinates(node: Observation) -> list[float]:
 def _node_properties(node: Observation) -> dict[str, Any]:
     time = None if node.time is None else format_time(node.time)
     found = {"name": node.name, "caption": node.caption, "time": time, "yaw": node.pose.yaw, "image": node.image}
-    return {**{k: v for k, v in found.items() if v is not None}, **node.sensors}
+    return {**{k: v for k, v in found.items() if v is not None}, "sensors": dict(node.sensors)}
 
 
 def _cluster_properties(c: GivenCluster) -> dict[str, Any]:

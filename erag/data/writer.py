@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from erag.core.errors import InputError
+from erag.core.output import replacing
 from erag.core.types import Interval, Observation
 from erag.data.files import check_source, inside, place
 from erag.data.gmlwriter import gml_lines
@@ -51,16 +52,8 @@ def write_gml(path: Path, reading: Reading) -> None:
     Images are named, not copied. Raises InputError if `path` cannot be written or ids clash.
     """
     _check_ids(reading)
-    if path.exists() and not path.is_file():
-        raise InputError("is no regular file", where=place(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as temporary:
-            made = Path(temporary) / "made"
-            _write(made, gml_lines(reading))
-            made.replace(path)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror or error}", where=place(path)) from None
+    with replacing(path) as file:
+        file.writelines(f"{line}\n" for line in gml_lines(reading))
 
 
 def _check_ids(reading: Reading) -> None:

@@ -160,7 +160,7 @@ def _next(grown: _Growing, rows: Rows, level: int, groups: list[IntArray], summa
     new = [
         describe(
             base,
-            number=cluster_id(level, number, taken),
+            ident=cluster_id(level, number, taken),
             level=level,
             members=[grown.ids[rows.row[i]] for i in group],
             leaves=below,

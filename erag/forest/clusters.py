@@ -49,13 +49,13 @@ class Base:
         return np.asarray(unit_rows(total[None, :])[0], np.float32)
 
 
-def describe(base: Base, number: str, level: int, members: Sequence[str], leaves: IntArray, places: Points) -> Cluster:
+def describe(base: Base, ident: str, level: int, members: Sequence[str], leaves: IntArray, places: Points) -> Cluster:
     """A cluster without texts: `leaves` its base nodes, `places` (k, 3) the positions of its members.
 
     `mean_distance` is the mean distance in metres over all pairs of members (paper: kept on each new node).
     """
     return Cluster(
-        id=number,
+        id=ident,
         level=level,
         members=tuple(members),
         position=base.position(leaves),

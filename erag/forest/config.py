@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 PositiveMetres = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Similarity = Annotated[float, Field(ge=-1, le=1)]
@@ -36,7 +36,15 @@ class FixedCuts(BaseModel):
     heights: tuple[Annotated[float, Field(ge=0, le=2)], ...] = Field(default=AUTHORS_CUTS, min_length=1)
 
 
-Cuts = Annotated[ShrinkCuts | FixedCuts, Field(discriminator="kind")]
+def _kind(cuts: Any) -> Any:
+    """The kind of cuts; `shrink` where none is named, so that one of its values can be set alone."""
+    return cuts.get("kind", "shrink") if isinstance(cuts, dict) else getattr(cuts, "kind", None)
+
+
+Cuts = Annotated[
+    Annotated[ShrinkCuts, Tag("shrink")] | Annotated[FixedCuts, Tag("fixed")],
+    Discriminator(_kind, custom_error_type="kind", custom_error_message="the kind of cuts is shrink or fixed"),
+]
 
 
 class ForestConfig(BaseModel):

@@ -60,7 +60,7 @@ class Answerer:
         label = f"{best.node} ({node.name})" if node.name and node.name != best.node else best.node
         text = f"Go to {label}{_way(route)}."
         waypoint = Waypoint(best.node, self._corpus.topomap.frame, best.position, node.pose.yaw)
-        return Answer("find", text, self._reason(row, vector, best), waypoint, route, (best.node,))
+        return Answer("find", text, self._reason(query, row, vector), waypoint, route, (best.node,))
 
     def _explain(self, vector: Vectors, hits: Sequence[Hit]) -> Answer:
         quoted = hits[:QUOTED]
@@ -68,9 +68,9 @@ class Answerer:
         reason = f"what {len(quoted)} of {int(self._corpus.searchable.sum())} views say"
         return Answer("explain", "\n".join(lines), reason, evidence=tuple(h.node for h in quoted))
 
-    def _reason(self, row: int, vector: Vectors, hit: Hit) -> str:
-        if hit.semantic is None:
-            return "the nearest place of the memory"
+    def _reason(self, query: Query, row: int, vector: Vectors) -> str:
+        if query.text is None:
+            return "the nearest place that " + ("fits the readings best" if query.sensors else "the memory knows")
         return f'it was described as: "{self._quote(row, vector)}"'
 
     def _quote(self, row: int, vector: Vectors) -> str:

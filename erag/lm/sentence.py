@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from erag.core.errors import ModelError
 from erag.lm.bert import BertEncoder, is_plain_bert
 from erag.lm.ledger import Ledger
 from erag.lm.offline import go_offline
@@ -21,6 +22,17 @@ if TYPE_CHECKING:
     import torch
 
 Encode = Callable[[Sequence[str]], "torch.Tensor"]
+
+
+RUNTIME = ("torch", "tokenizers", "safetensors")
+
+
+def _versions() -> dict[str, str]:
+    """The versions of the libraries the vectors come from. Raises ModelError when one is not installed."""
+    try:
+        return {name: version(name) for name in RUNTIME}
+    except PackageNotFoundError as error:
+        raise ModelError(f"the package {error.name} is not installed", repair="pip install 'erag[sentence]'") from error
 
 
 class SentenceConfig(BaseModel):
@@ -50,7 +62,7 @@ class SentenceEmbedder:
         return json.dumps({"kind": "sentence", "weights": self._store.fingerprint(self._config.model)}, sort_keys=True)
 
     def fingerprint(self, role: RoleName) -> str:
-        runtime = {"dtype": self._dtype, "torch": version("torch"), "batch_size": self._config.batch_size}
+        runtime = {"dtype": self._dtype, "batch_size": self._config.batch_size, **_versions()}
         return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
 
     def batch_size(self, role: RoleName) -> int:
@@ -73,6 +85,7 @@ class SentenceEmbedder:
         return vectors
 
     def _load(self) -> Encode:
+        _versions()
         folder = self._store.path(self._config.model)
         import torch
 

@@ -25,11 +25,11 @@ class Calls:
         self._indexed = False
 
     def results(self, keys: Sequence[Key]) -> dict[Key, str]:
-        wanted = set(keys)
-        if not wanted:
-            return {}
-        rows = self._db.rows("SELECT key, result FROM call_results")
-        return {bytes(key): result for key, result in rows if key in wanted}
+        found: dict[Key, str] = {}
+        for key in dict.fromkeys(keys):
+            if rows := self._db.rows("SELECT result FROM call_results WHERE key = ?", (key,)):
+                found[key] = rows[0][0]
+        return found
 
     def vectors(self, keys: Sequence[Key]) -> dict[Key, Vectors]:
         places = self.places(keys)
@@ -52,9 +52,9 @@ class Calls:
         """
         blocks = {int(b) for b in np.unique(places[:, 0]) if b >= 0}
         loaded: dict[int, Vectors] = {}
-        for block, width, data in self._db.rows("SELECT block, dim, data FROM vectors ORDER BY block"):
-            if block in blocks:
-                loaded[block] = _unit(np.frombuffer(data, np.float16).reshape(-1, width).astype(np.float32))
+        for block in sorted(blocks):
+            ((width, data),) = self._db.rows("SELECT dim, data FROM vectors WHERE block = ?", (block,))
+            loaded[block] = _unit(np.frombuffer(data, np.float16).reshape(-1, width).astype(np.float32))
         dim = max((v.shape[1] for v in loaded.values()), default=dim)
         out = np.zeros((len(places), dim), np.float32)
         for block, vectors in loaded.items():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +16,7 @@ from erag.memory.schema import APPLICATION_ID, TABLES, VERSION
 
 _MAGIC = b"SQLite format 3\x00"
 _BUSY_SECONDS = 20.0
+_COMMIT_SECONDS = 0.1
 Mode = Literal["read", "write"]
 
 
@@ -32,13 +35,16 @@ class Database:
             self._connection.execute("PRAGMA foreign_keys = ON")
             self._connection.execute("PRAGMA synchronous = FULL")
             self._check_version()
+            if mode == "read":
+                self._connection.execute("BEGIN")  # one snapshot for all that is read
 
     @classmethod
     def create(cls, path: Path) -> None:
         """Make an empty memory file; the file appears complete or not at all."""
         partial = path.with_name(path.name + ".new")
-        partial.unlink(missing_ok=True)
         with translated(path):
+            for leftover in (partial, path.with_name(path.name + "-journal")):  # of a killed run on a deleted file
+                leftover.unlink(missing_ok=True)
             connection = sqlite3.connect(partial, isolation_level=None)
             try:
                 marks = f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION};"
@@ -91,17 +97,11 @@ class Database:
 
 def check_header(path: Path) -> None:
     """Raise MemoryFileError for a file that is not SQLite, or that is shorter than its header says."""
-    try:
-        with path.open("rb") as file:
-            header = file.read(100)
-    except OSError as error:
-        raise MemoryFileError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if len(header) < 100 or not header.startswith(_MAGIC):
-        raise MemoryFileError("not a memory file", where=str(path), allowed="a file made by `erag ingest`")
-    page = int.from_bytes(header[16:18], "big")
-    expected = int.from_bytes(header[28:32], "big") * (65_536 if page == 1 else page)
-    size, journal = path.stat().st_size, path.with_name(path.name + "-journal")
-    if size < expected and not journal.exists():
+    size, expected = _sizes(path)
+    if size < expected and not path.with_name(path.name + "-journal").exists():
+        time.sleep(_COMMIT_SECONDS)  # a writer may just have finished between two looks
+        size, expected = _sizes(path)
+    if size < expected and not path.with_name(path.name + "-journal").exists():
         raise MemoryFileError(
             f"truncated: {size} of {expected} bytes",
             where=str(path),
@@ -109,17 +109,43 @@ def check_header(path: Path) -> None:
         )
 
 
+def _sizes(path: Path) -> tuple[int, int]:
+    """Bytes the file has, and bytes its header says it has."""
+    try:
+        with path.open("rb") as file:
+            header = file.read(100)
+        size = path.stat().st_size
+    except OSError as error:
+        raise MemoryFileError(f"cannot be read: {error.strerror}", where=str(path)) from error
+    if len(header) < 100 or not header.startswith(_MAGIC):
+        raise MemoryFileError("not a memory file", where=str(path), allowed="a file made by `erag ingest`")
+    page = int.from_bytes(header[16:18], "big")
+    return size, int.from_bytes(header[28:32], "big") * (65_536 if page == 1 else page)
+
+
 @contextmanager
-def translated(path: Path) -> Iterator[None]:
-    """SQLite's errors as one-line errors of ours; what was committed before stays readable."""
+def undamaged(path: Path) -> Iterator[None]:
+    """What cannot be decoded from a memory as one line: the file was changed by something else."""
     try:
         yield
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        what = f"damaged: {type(error).__name__} {error}"
+        raise MemoryFileError(what, where=str(path), repair="restore a copy, or ingest its sources again") from error
+
+
+@contextmanager
+def translated(path: Path) -> Iterator[None]:
+    """SQLite's and the system's errors as one-line errors of ours; what was committed before stays readable."""
+    try:
+        yield
+    except OSError as error:
+        raise MemoryFileError(f"{error.strerror}", where=str(path), repair=_repair(error)) from error
     except sqlite3.Error as error:
         raise MemoryFileError(str(error), where=str(path), repair=_repair(error)) from error
 
 
-def _repair(error: sqlite3.Error) -> str:
-    code = getattr(error, "sqlite_errorname", "") or ""
+def _repair(error: sqlite3.Error | OSError) -> str:
+    code = "SQLITE_FULL" if getattr(error, "errno", 0) == errno.ENOSPC else getattr(error, "sqlite_errorname", "")
     hints = {
         "SQLITE_FULL": "free disk space and run the command again; what was done is kept",
         "SQLITE_IOERR": "check the disk and run the command again; what was done is kept",

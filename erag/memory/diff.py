@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from erag.memory.calls import KEY_BYTES
+from erag.memory.database import undamaged
 from erag.memory.file import MemoryFile
 
 _SHOWN = 3
@@ -35,7 +36,10 @@ class PartDiff:
 
 def diff(a: MemoryFile, b: MemoryFile) -> list[PartDiff]:
     """The parts in which two memories differ; empty when they hold the same."""
-    left, right = canonical(a), canonical(b)
+    with undamaged(a.path):
+        left = canonical(a)
+    with undamaged(b.path):
+        right = canonical(b)
     return [d for part in left if (d := _compare(part, left[part], right[part]))]
 
 
@@ -44,11 +48,13 @@ def canonical(memory: MemoryFile) -> dict[str, Mapping[str, Any]]:
     stored = memory.observations
     return {
         "frame": {"frame": stored.frame},
-        "nodes": {o.id: (i, o) for i, o in enumerate(stored.nodes())},
+        "nodes": {o.id: o for o in stored.nodes()},
+        "order of nodes": {"order": tuple(o.id for o in stored.nodes())},
         "removed nodes": dict.fromkeys(stored.removed()),
         "given edges": {f"{e.a} - {e.b} {e.kind.name}": e for e in stored.edges()},
         "given clusters": {c.id: c for c in stored.clusters()},
-        "source issues": {name: issues for name, (_, _, issues) in stored.sources().items()},
+        "sources": {name: (notes, issues) for name, (_, notes, issues) in stored.sources().items()},
+        "sensor ranges": stored.sensors(),
         "call results": _results(memory),
         "vectors": _vectors(memory),
         **_generation(memory),

@@ -18,8 +18,8 @@ class MemoryFile:
     """A memory file (`*.erag`): observations, call records with vectors, and the forest built from them."""
 
     def __init__(self, path: Path, mode: Mode) -> None:
-        self.path = path
-        self.db = Database(path, mode)
+        self.path = _resolved(path)  # locks and journals lie beside the file itself, not beside a link to it
+        self.db = Database(self.path, mode)
         self.observations = Observations(self.db)
         self.calls = Calls(self.db)
         self.generations = Generations(self.db)
@@ -41,6 +41,7 @@ class MemoryFile:
     @contextmanager
     def writing(cls, path: Path, purpose: str, *, create: bool = False) -> Iterator[MemoryFile]:
         """Open for writing under the lock, made first when `create` and absent. Raises MemoryLocked when taken."""
+        path = _resolved(path)
         if not path.parent.is_dir():
             raise MemoryFileError("no such folder", where=str(path.parent), repair=f"mkdir -p {path.parent}")
         with writer_lock(path, purpose):
@@ -51,3 +52,13 @@ class MemoryFile:
                 yield memory
             finally:
                 memory.close()
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        full = path.resolve()
+        if full.is_dir():
+            raise MemoryFileError("is a folder", where=str(path), allowed="the name of a memory file")
+    except (OSError, RuntimeError, ValueError) as error:
+        raise MemoryFileError(f"no file can be there: {error}", where=str(path)) from error
+    return full

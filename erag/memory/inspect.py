@@ -11,6 +11,7 @@ from erag.core.text import node_text
 from erag.core.times import format_time
 from erag.core.types import Interval, Observation, Range
 from erag.data.reading import Issue
+from erag.memory.database import undamaged
 from erag.memory.file import MemoryFile
 
 
@@ -61,6 +62,11 @@ class Inspection:
 
 def inspect(memory: MemoryFile) -> Inspection:
     """Count what a memory holds."""
+    with undamaged(memory.path):
+        return _inspect(memory)
+
+
+def _inspect(memory: MemoryFile) -> Inspection:
     stored, db = memory.observations, memory.db
     nodes, sources = stored.nodes(), stored.sources()
     generation = memory.generations.load()
@@ -108,8 +114,7 @@ def _span(times: Sequence[Interval]) -> str | None:
     if not times:
         return None
     first, last = min(t.start for t in times), max(t.end for t in times)
-    ends = [format_time(Interval(moment, moment)) for moment in (first, last)]
-    return f"{ends[0]} to {ends[1]} ({len(times)} observations)"
+    return f"{format_time(Interval(first, last))} ({len(times)} observations)"
 
 
 def _counts(counts: Mapping[str, int]) -> str:

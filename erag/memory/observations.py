@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ from erag.core.types import EdgeKind, Frame, Interval, Observation, Pose, Range
 from erag.data.reading import GivenCluster, GivenEdge, Issue, Reading
 from erag.memory.database import Database
 
-_COLUMNS = 'id, source, kind, x, y, z, yaw, start, "end", image, name, caption, sensors'
-_INSERT = f"INSERT INTO nodes ({_COLUMNS}) VALUES ({', '.join('?' * 13)})"  # noqa: S608 (constants)
-_UPDATE = f"UPDATE nodes SET ({_COLUMNS}, removed) = ({', '.join('?' * 13)}, 0) WHERE id = ?"  # noqa: S608 (constants)
+_COLUMNS = 'id, origin, source, kind, x, y, z, yaw, start, "end", image, name, caption, sensors'
+_INSERT = f"INSERT INTO nodes ({_COLUMNS}) VALUES ({', '.join('?' * 14)})"  # noqa: S608 (constants)
+_UPDATE = f"UPDATE nodes SET ({_COLUMNS}, removed) = ({', '.join('?' * 14)}, 0) WHERE id = ?"  # noqa: S608 (constants)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,8 @@ class Observations:
         self._check_frame(reading)
         known = self._known([o.id for o in reading.observations])
         self._check_owner(reading, known)
-        rows = {o.id: _to_row(replace(o, source=reading.source)) for o in reading.observations}
+        self._check_clusters(reading)
+        rows = {o.id: _to_row(o, reading.source) for o in reading.observations}
         added = [row for id_, row in rows.items() if id_ not in known]
         replaced = [row for id_, row in rows.items() if id_ in known and known[id_][1] != row]
         with self._db.transaction() as connection:
@@ -94,6 +95,10 @@ class Observations:
         where = "" if with_removed else "WHERE NOT removed"
         return [_from_row(r) for r in self._db.rows(f"SELECT {_COLUMNS} FROM nodes {where} ORDER BY seq")]  # noqa: S608
 
+    def origins(self) -> dict[str, str]:
+        """Node id -> the ingested source it came from, whose folder its image path is relative to."""
+        return dict(self._db.rows("SELECT id, origin FROM nodes"))
+
     def removed(self) -> frozenset[str]:
         """Ids of nodes that were removed since the last build."""
         return frozenset(r[0] for r in self._db.rows("SELECT id FROM nodes WHERE removed"))
@@ -128,7 +133,7 @@ class Observations:
         }
 
     def _known(self, ids: Iterable[str]) -> dict[str, tuple[str, tuple[Any, ...]]]:
-        """id -> (source, stored row) of the ids that exist and are not removed."""
+        """id -> (origin, stored row) of the ids that exist and are not removed."""
         wanted = set(ids)
         rows = self._db.rows(f"SELECT {_COLUMNS}, removed FROM nodes")  # noqa: S608 (constants)
         return {r[0]: (r[1], (*r[:-1],) if not r[-1] else ()) for r in rows if r[0] in wanted}
@@ -148,16 +153,31 @@ class Observations:
                 where=reading.source, repair="erag ingest … --id-prefix NAME/",
             )  # fmt: skip
 
+    def _check_clusters(self, reading: Reading) -> None:
+        stored = self._db.rows("SELECT id, source FROM given_clusters")
+        others = {id_: source for id_, source in stored if source != reading.source}
+        taken = [c.id for c in reading.clusters if c.id in others]
+        nodes = {id_ for (id_,) in self._db.rows("SELECT id FROM nodes")}
+        clash = [c.id for c in reading.clusters if c.id in nodes] + [
+            o.id for o in reading.observations if o.id in others
+        ]
+        if taken or clash:
+            raise InputError(
+                f"the cluster id {(taken + clash)[0]!r} is already in this memory", where=reading.source,
+                repair="erag ingest … --id-prefix NAME/",
+            )  # fmt: skip
 
-def _to_row(o: Observation) -> tuple[Any, ...]:
+
+def _to_row(o: Observation, origin: str) -> tuple[Any, ...]:
     start, end = (o.time.start, o.time.end) if o.time else (None, None)
     sensors = json.dumps(dict(sorted(o.sensors.items())))
     p = o.pose
-    return (o.id, o.source, o.kind, p.x, p.y, p.z, p.yaw, start, end, o.image, o.name, o.caption, sensors)
+    source = o.source or origin
+    return (o.id, origin, source, o.kind, p.x, p.y, p.z, p.yaw, start, end, o.image, o.name, o.caption, sensors)
 
 
 def _from_row(row: Sequence[Any]) -> Observation:
-    id_, source, kind, x, y, z, yaw, start, end, image, name, caption, sensors = row
+    id_, _, source, kind, x, y, z, yaw, start, end, image, name, caption, sensors = row
     time = None if start is None else Interval(start, end)
     return Observation(id_, kind, Pose(x, y, z, yaw), time, image, name, caption, json.loads(sensors), source)
 

@@ -10,10 +10,11 @@ CREATE TABLE sources (
     name TEXT PRIMARY KEY, root TEXT NOT NULL, sensors TEXT NOT NULL, notes TEXT NOT NULL, issues TEXT NOT NULL
 ) WITHOUT ROWID;
 
--- `seq` is the order of arrival and fixes the order of the map; `removed` nodes are no hits and go at the next build.
+-- `seq` is the order of arrival and fixes the order of the map; `origin` is the source that was ingested, `source` what
+-- the observation itself names; `removed` nodes are no hits and go at the next build.
 CREATE TABLE nodes (
-    seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, source TEXT NOT NULL REFERENCES sources (name),
-    kind TEXT NOT NULL, x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL, yaw REAL,
+    seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, origin TEXT NOT NULL REFERENCES sources (name),
+    source TEXT NOT NULL, kind TEXT NOT NULL, x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL, yaw REAL,
     start REAL, "end" REAL, image TEXT, name TEXT, caption TEXT, sensors TEXT NOT NULL,
     removed INTEGER NOT NULL DEFAULT 0
 );

@@ -70,7 +70,7 @@ def build(
     _embed(backend, texts, spoken)
     clock.stage("embed")
     node_places = _places(memory, backend, texts)
-    forest, forest_lines = _forest(memory, topomap, memory.calls.read_vectors(node_places), config, given)
+    forest, forest_lines = _forest(memory, topomap, memory.calls.read_vectors(node_places), config, given, progress)
     clock.stage("cluster")
     arrays = {
         "node_places": node_places,
@@ -89,9 +89,9 @@ def build(
 
 
 def _resolved(config: PipelineConfig, given: bool) -> str:
-    """Everything but the observations that determines a forest, as JSON; another value means a new build."""
+    """Everything but the observations that determines map, vectors and forest, as JSON; a change means a new build."""
     build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster"}
-    return json.dumps({"build": build, "config": config.model_dump(mode="json")}, sort_keys=True)
+    return json.dumps({"build": build, "config": config.model_dump(mode="json", exclude={"retrieve"})}, sort_keys=True)
 
 
 def _map(memory: MemoryFile, config: PipelineConfig) -> tuple[TopoMap, list[str]]:
@@ -122,10 +122,10 @@ def _places(memory: MemoryFile, backend: Journal, texts: Sequence[str]) -> IntAr
 
 
 def _forest(
-    memory: MemoryFile, topomap: TopoMap, vectors: np.ndarray, config: PipelineConfig, given: bool
+    memory: MemoryFile, topomap: TopoMap, vectors: np.ndarray, config: PipelineConfig, given: bool, progress: Progress
 ) -> tuple[Forest, list[str]]:
     if not given:
-        forest, report = build_forest(topomap, vectors, config.forest)
+        forest, report = build_forest(topomap, vectors, config.forest, progress)
         return forest, report.lines()
     clusters = memory.observations.clusters()
     if not clusters:

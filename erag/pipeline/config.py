@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +18,7 @@ from erag.retrieve.config import RetrieveConfig
 from erag.topomap.config import MapConfig
 
 MAX_CONFIG_BYTES = 1 << 20
+MAX_DEPTH = 50
 
 
 class PipelineConfig(BaseModel):
@@ -56,18 +58,41 @@ def load_config(preset: str = "tiny", config: Path | None = None, overrides: Seq
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """A YAML mapping, by the safe loader."""
+    if path.exists() and not path.is_file():
+        raise ConfigError("is not a regular file", where=str(path), allowed="a YAML file")
     try:
         text = path.read_text(encoding="utf-8")
         if len(text) > MAX_CONFIG_BYTES:
             raise ConfigError(f"{len(text)} characters", where=str(path), allowed=f"at most {MAX_CONFIG_BYTES}")
-        raw = yaml.safe_load(text) or {}
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"cannot be read: {error}", where=str(path)) from error
-    except (yaml.YAMLError, RecursionError) as error:
-        raise ConfigError(f"not YAML: {error}", where=str(path)) from error
+    raw = parse_yaml(text, str(path))
+    if raw is None:
+        return {}
     if not isinstance(raw, dict):
         raise ConfigError("not a mapping", where=str(path), allowed="key: value")
     return raw
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """A YAML value by the safe loader, without aliases. Raises ConfigError for what is none."""
+    try:
+        depth = 0
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                raise ConfigError("has an alias (*name)", where=where, allowed="values written out")
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise ConfigError(f"nested more than {MAX_DEPTH} deep", where=where)
+        return yaml.safe_load(text)
+    except (
+        yaml.YAMLError,
+        ValueError,
+        AttributeError,
+        KeyError,
+        IndexError,
+    ) as error:  # PyYAML lets its parsers' through
+        raise ConfigError(f"not YAML: {error}", where=where) from error
 
 
 def apply_override(raw: dict[str, Any], override: str) -> None:
@@ -81,10 +106,7 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         at = at.setdefault(key, {})
         if not isinstance(at, dict):
             raise ConfigError(f"{override!r}: {key!r} holds a value, not a section", where="--set")
-    try:
-        loaded = yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{override!r} is not YAML: {error}", where="--set") from error
+    loaded = parse_yaml(value, f"--set {path}")
     if keys[-1] == "kind" and at.get("kind") != loaded:
         at.clear()
     at[keys[-1]] = loaded
@@ -101,4 +123,4 @@ def validate(model: type[Model], raw: object, where: str) -> Model:
         first = error.errors(include_url=False)[0]
         at = ".".join(str(part) for part in first["loc"])
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise ConfigError(f"{at} = {first['input']!r}: {first['msg']}{more}", where=where) from error
+        raise ConfigError(f"{at} = {reprlib.repr(first['input'])}: {first['msg']}{more}", where=where) from error

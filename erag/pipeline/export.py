@@ -12,6 +12,7 @@ from erag.core.types import EdgeKind, Frame, Observation
 from erag.data.geojson import write_geojson
 from erag.data.reading import GivenCluster, GivenEdge, Reading
 from erag.data.writer import write_folder, write_gml
+from erag.memory.database import undamaged
 from erag.memory.file import MemoryFile
 from erag.memory.generations import Generation
 
@@ -25,9 +26,11 @@ def export(path: Path, out: Path, format_: str) -> str:
     """
     if format_ not in FORMATS:
         raise ConfigError(f"{format_!r}", where="--format", allowed=", ".join(FORMATS))
-    with MemoryFile.reading(path) as memory:
+    with undamaged(path), MemoryFile.reading(path) as memory:
         reading = as_reading(memory)
     write = {"gml": write_gml, "geojson": write_geojson, "jsonl": write_folder}[format_]
+    if out.exists() and out.samefile(path):
+        raise ConfigError("is the memory itself", where="--out", allowed="another name")
     write(out, reading)
     counts = f"{len(reading.observations)} nodes, {len(reading.edges)} edges, {len(reading.clusters)} clusters"
     local = " (positions are local metres, not longitude and latitude)" if _is_local(format_, reading.frame) else ""
@@ -45,12 +48,13 @@ def as_reading(memory: MemoryFile) -> Reading:
     clusters = tuple(stored.clusters()) if generation is None else _clusters(generation)
     kept = {n.id for n in nodes} - stored.removed()
     roots = {name: root for name, (root, _, _) in sources.items()}
+    origins = stored.origins()
     root = Path(os.path.commonpath(list(roots.values())))
     return Reading(
         source=memory.path.stem,
         root=root,
         frame=stored.frame,
-        observations=tuple(_under(root, roots[n.source], n) for n in nodes if n.id in kept),
+        observations=tuple(_under(root, roots[origins[n.id]], n) for n in nodes if n.id in kept),
         edges=tuple(e for e in edges if e.a in kept and e.b in kept),
         clusters=_without_absent(clusters, kept),
         sensors=stored.sensors(),

@@ -9,6 +9,7 @@ import numpy as np
 
 from erag.core.errors import MemoryFileError
 from erag.core.types import Edges, Forest, Observation, Range, TopoMap
+from erag.memory.database import undamaged
 from erag.memory.file import MemoryFile
 from erag.memory.generations import Generation
 from erag.retrieve.corpus import Corpus, map_texts
@@ -26,7 +27,7 @@ class Built:
 
 def load(path: Path) -> Built:
     """The corpus a memory file holds. Raises MemoryFileError when it was not built yet."""
-    with MemoryFile.reading(path) as memory:
+    with undamaged(path), MemoryFile.reading(path) as memory:
         generation = memory.generations.load()
         if generation is None:
             raise MemoryFileError("has no forest yet", where=str(path), repair=f"erag build {path}")

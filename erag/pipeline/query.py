@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from erag.core.errors import EragError, InputError, MemoryFileError
+from erag.core.errors import InputError, MemoryFileError
 from erag.core.geometry import distance
+from erag.core.output import replacing
 from erag.core.types import Query
 from erag.data.contract import QueryLine, Result, parse_query, result_line
 from erag.generate.answer import Answerer
@@ -27,6 +28,7 @@ class Asker:
     """A memory that answers: its corpus, retriever, routes and models, loaded once."""
 
     def __init__(self, path: Path, config: PipelineConfig, store: ModelStore) -> None:
+        self.path = path
         built = load(path)
         self.ledger, self._warm = Ledger(), False
         self._backend = build_backend(config.backend, store, self.ledger)
@@ -55,11 +57,14 @@ class Asker:
         return Result(query.id, found.hits, answer, seconds, found.visited, made, (*self.notes, *found.notes))
 
     def ask_lines(self, lines: Iterable[QueryLine], top: int) -> Iterator[Result]:
-        """One result a line, in order; a line that cannot be asked has `error` and no hits."""
+        """One result a line, in order; a line that cannot be asked has `error` and no hits.
+
+        Raises ModelError when the models cannot be loaded, whatever the lines.
+        """
         for line in lines:
             try:
                 yield self.ask(parse_query(line, top, self.ground))
-            except EragError as error:
+            except InputError as error:
                 yield Result(line.id, error=error.line())
 
     def warm_up(self) -> None:
@@ -68,7 +73,7 @@ class Asker:
         self._warm = True
 
     def _vector(self, query: Query) -> Vectors:
-        if query.text is None:
+        if query.text is None or not self.corpus.searchable.any():
             return np.zeros(self.corpus.node_vectors.shape[1], np.float32)
         self.ledger.calls["embed"] += 1
         return np.asarray(self._backend.embed([query.text], "query")[0])
@@ -82,21 +87,17 @@ def _check_embedder(path: Path, built: Built, identity: str) -> None:
         )  # fmt: skip
 
 
-def write_run(results: Iterable[Result], out: Path | None, line: Callable[[str], None]) -> int:
-    """Write results to the file `out`, complete or not at all, else through `line`. Returns how many have an error."""
-    failed = 0
+def write_run(results: Iterable[Result], out: Path | None, line: Callable[[str], None], *inputs: Path) -> int:
+    """Write results to the file `out`, complete or not at all, else through `line`. Returns how many have an error.
+
+    Raises InputError when `out` is one of `inputs` or cannot be written.
+    """
     if out is None:
-        for result in results:
-            line(result_line(result))
-            failed += result.error is not None
-        return failed
-    partial = out.with_name(out.name + ".partial")
-    try:
-        with partial.open("w", encoding="utf-8") as file:
-            for result in results:
-                file.write(result_line(result) + "\n")
-                failed += result.error is not None
-        partial.replace(out)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", where=str(out)) from error
-    return failed
+        return sum(_written(result, line) for result in results)
+    with replacing(out, *inputs) as file:
+        return sum(_written(result, lambda text: file.write(text + "\n")) for result in results)
+
+
+def _written(result: Result, line: Callable[[str], object]) -> bool:
+    line(result_line(result))
+    return result.error is not None

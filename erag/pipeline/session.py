@@ -8,8 +8,8 @@ from pathlib import Path
 import networkx as nx
 
 from erag.core.progress import Progress, quiet
-from erag.core.types import Forest, Pose, Query, QueryKind, SensorWish, TopoMap
-from erag.data.contract import Result, parse_at, parse_text, parse_window
+from erag.core.types import Forest, QueryKind, SensorWish, TopoMap
+from erag.data.contract import QueryLine, Result, parse_query
 from erag.forest.graph import to_networkx as forest_graph
 from erag.lm.weights import ModelStore, default_store
 from erag.memory.file import MemoryFile
@@ -63,9 +63,9 @@ class Memory:
         kind: QueryKind | None = None,
     ) -> Result:
         """Hits and answer for a text, a position `at` (x, y[, z]) in the map's frame, or both."""
-        start, end = parse_window(since, until, "query")
-        pose = None if at is None else self._pose(at)
-        return self.asker.ask(Query(parse_text(text, "query"), pose, dict(sensor or {}), start, end, top, kind))
+        stated = {"at": None if at is None else list(at), "sensor": None if sensor is None else dict(sensor)}
+        raw = {"id": "query", "query": text, "since": since, "until": until, "kind": kind, **stated}
+        return self.asker.ask(parse_query(QueryLine(1, "query", raw), top, self.asker.ground, "the query"))
 
     @property
     def asker(self) -> Asker:
@@ -91,9 +91,6 @@ class Memory:
     def forest_to_networkx(self) -> nx.DiGraph:
         """The forest as a networkx digraph, edges from parent to child."""
         return forest_graph(self.forest, self.map)
-
-    def _pose(self, at: Sequence[float]) -> Pose:
-        return parse_at(list(at), "at", self.asker.ground)
 
 
 def open_memory(

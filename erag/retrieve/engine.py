@@ -97,7 +97,7 @@ class Retriever:
         return [self._found(query, reached.get(i)) for i, query in enumerate(queries)]
 
     def _check_vectors(self, queries: Sequence[Query], vectors: Vectors) -> None:
-        if isinstance(self._config.retriever, Bm25Config):
+        if isinstance(self._config.retriever, Bm25Config) or not self._corpus.searchable.any():
             return
         expected = (len(queries), self._corpus.node_vectors.shape[1])
         if vectors.shape != expected:
@@ -201,8 +201,9 @@ def _check(query: Query, frame: Frame) -> None:
         raise InputError(f"top is {query.top}", where=_name(query), allowed="at least 1")
     if not _asks_text(query) and query.at is None:
         raise InputError("neither a text nor a position", where=_name(query), allowed="query, at, or both")
-    if query.at is not None and frame is Frame.WGS84 and abs(query.at.y) > 90:
-        raise InputError(f"latitude {query.at.y}", where=_name(query), allowed="longitude, latitude within -90..90")
+    if query.at is not None and frame is Frame.WGS84 and (abs(query.at.y) > 90 or abs(query.at.x) > 180):
+        at = f"longitude {query.at.x}, latitude {query.at.y}"
+        raise InputError(at, where=_name(query), allowed="longitude, latitude within ±180, ±90")
     if query.since is not None and query.until is not None and query.since > query.until:
         raise InputError(f"since {query.since} > until {query.until}", where=_name(query), allowed="since <= until")
 

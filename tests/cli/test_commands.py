@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import pytest
 
 from erag.cli.main import run
 from erag.data.sample import sample_dir, sample_queries
+from erag.memory.file import MemoryFile
 
 Outcome = tuple[int, str, str]
 Run = Callable[..., Outcome]
@@ -110,6 +112,14 @@ def test_bad_lines_are_answered_by_errors_in_their_place(
     assert "noise" in records[2]["error"]
     assert "ndvi" in records[2]["error"]
     assert "2 of 3 queries could not be asked" in err
+    surrogate, huge = json.dumps({"id": "\ud800", "query": "x"}), '{"id": "h", "at": [1%s, 0]}' % ("0" * 400)
+    kind = '{"id": "k", "query": "x", "kind": []}'
+    queries.write_text("\n".join([surrogate, huge, kind, '{"id": "last", "query": "bench"}']))
+    records = [
+        json.loads(line)
+        for line in erag("query", campus, "--queries", queries, "--config", fake_config)[1].splitlines()
+    ]
+    assert ["error" in r for r in records] == [True, True, True, False]
     queries.write_text("not json\n")
     assert erag("query", campus, "--queries", queries, "--config", fake_config)[0] == 2
 
@@ -133,6 +143,20 @@ def test_bad_lines_are_answered_by_errors_in_their_place(
         (("query", "M", "x", "--kind", "guess"), "kind is 'guess'"),
         (("query", "M", "x", "--top", "0"), "--top"),
         (("query", "M", "--queries", "no.jsonl"), "no such file"),
+        (("query", "M", "--queries", "Q", "--out", "M"), "would be overwritten"),
+        (("query", "M", "--queries", "Q", "--out", "Q"), "would be overwritten"),
+        (("query", "M", "--queries", "Q", "--at", "1,2"), "--at with --queries"),
+        (("query", "M", "x", "--out", "r.jsonl"), "--out without --queries"),
+        (("query", "M", "x", "--sensor", "ndvi=low", "--sensor", "ndvi=high"), "same key twice"),
+        (("query", "M", "x", "--set", "forest.alpha=2024-13-45"), "not YAML"),
+        (("query", "M", "x", "--set", "forest=[&a [x], *a]"), "alias"),
+        (("query", "M", "x", "--set", "forest=" + "[" * 3000), "deep"),
+        (("query", "M", "x", "--at", "200,10"), "±180"),
+        (("query", "M", "--queries", "."), "not a regular file"),
+        (("export", "M", "--out", "M", "--format", "gml"), "memory itself"),
+        (("remove", ".", "n01"), "is a folder"),
+        (("inspect", "x" * 300), "no file can be there"),
+        (("build", "."), "is a folder"),
         (("build", "M", "--forest", "best"), "cluster, given"),
         (("build", "M", "--forest", "given"), "state no clusters"),
         (("remove", "M", "zz"), "no node 'zz'"),
@@ -148,7 +172,8 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     monkeypatch.chdir(tmp_path)
     copy = tmp_path / "copy.erag"
     copy.write_bytes(campus.read_bytes())
-    filled = [str(copy) if a == "M" else a for a in arguments]
+    (tmp_path / "q.jsonl").write_text('{"id": "a", "query": "x"}')
+    filled = [{"M": str(copy), "Q": "q.jsonl"}.get(a, a) for a in arguments]
     if arguments[0] in ("query", "build") and "--preset" not in arguments:
         filled += ["--config", str(fake_config)]
     code, out, err = erag(*filled)
@@ -187,6 +212,51 @@ def test_removal_append_and_staleness(erag: Run, campus: Path, fake_config: Path
     assert "1 added" in json.loads(erag(*ask)[1])["notes"][0]
     erag("build", memory, "--config", fake_config)
     assert json.loads(erag(*ask)[1])["hits"][0]["node"] == "n14"
+
+
+def test_a_map_without_any_text_answers_nothing(erag: Run, tmp_path: Path, fake_config: Path) -> None:
+    (tmp_path / "meta.json").write_text(
+        '{"format": "erag-observations", "version": 1, "name": "bare", "frame": "metric"}'
+    )
+    rows = [json.dumps({"id": f"p{i}", "pose": {"x": i, "y": 0}}) for i in range(3)]
+    (tmp_path / "observations.jsonl").write_text("\n".join(rows))
+    erag("ingest", tmp_path, "--out", tmp_path / "m.erag")
+    assert erag("build", tmp_path / "m.erag", "--config", fake_config)[0] == 0
+    code, out, _ = erag("query", tmp_path / "m.erag", "a tree", "--config", fake_config, "--json")
+    assert (code, json.loads(out)["hits"]) == (0, [])
+
+
+def test_a_damaged_memory_is_one_line(erag: Run, campus: Path, tmp_path: Path, fake_config: Path) -> None:
+    for statement in (
+        "UPDATE nodes SET x = 1e999",
+        "UPDATE clusters SET members = '{'",
+        "DELETE FROM generation_arrays",
+    ):
+        memory = tmp_path / "m.erag"
+        memory.write_bytes(campus.read_bytes())
+        connection = sqlite3.connect(memory)
+        connection.execute(statement)
+        connection.commit()
+        connection.close()
+        code, _, err = erag("query", memory, "x", "--config", fake_config)
+        assert code == 2
+        assert "damaged" in one_line(err)
+
+
+def test_a_symbolic_link_is_the_same_memory(campus: Path, tmp_path: Path, erag: Run) -> None:
+    (tmp_path / "m.erag").write_bytes(campus.read_bytes())
+    (tmp_path / "link.erag").symlink_to(tmp_path / "m.erag")
+    with MemoryFile.writing(tmp_path / "m.erag", "test"):
+        code, _, err = erag("remove", tmp_path / "link.erag", "n01")
+    assert code == 2
+    assert "being written by test" in one_line(err)
+
+
+def test_the_journal_of_a_deleted_memory_is_not_replayed(erag: Run, tmp_path: Path, campus: Path) -> None:
+    (tmp_path / "m.erag-journal").write_bytes(campus.read_bytes()[:8192])
+    assert erag("ingest", sample_dir(), "--out", tmp_path / "m.erag")[0] == 0
+    assert "62 place" in erag("inspect", tmp_path / "m.erag")[1]
+    assert not (tmp_path / "m.erag-journal").exists()
 
 
 def test_two_sources_with_equal_ids_need_a_prefix(erag: Run, tmp_path: Path) -> None:

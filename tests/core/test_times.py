@@ -104,12 +104,18 @@ def test_what_is_no_day_month_or_year_is_written_with_both_ends() -> None:
     assert parse_interval("2024-05/2024-07") == Interval(utc(2024, 5, 1), utc(2024, 7, 1))
 
 
-@pytest.mark.parametrize("seconds", [1e20, -1e20, 1e300, float(END), FIRST - 1.0, 4e11])
+@pytest.mark.parametrize("seconds", [1e20, -1e20, 1e300, float(END) + 1, FIRST - 1.0, 4e11])
 def test_moments_beyond_the_calendar_have_no_stamp(seconds: float) -> None:
     with pytest.raises(ValueError):
         format_time(Interval(seconds, seconds))
     with pytest.raises(ValueError):
         format_time(Interval(min(seconds, 0.5), max(seconds, 0.5)))
+
+
+def test_the_end_of_the_last_year_can_end_an_interval() -> None:
+    whole = Interval(0.5, float(END))
+    assert format_time(whole).endswith("/9999-12-31T23:59:59Z")
+    assert parse_interval(format_time(whole)).end == pytest.approx(END)
 
 
 @pytest.mark.parametrize("stamp", ["/", "2024/", "/2024", "2024-01/2023-01", "2024/2025/2026", "a/b"])

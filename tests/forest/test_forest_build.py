@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import centroid, mean_pairwise_distance
 from erag.core.types import NO_PARENT, Cluster, Edges, Forest, Frame, Observation, Pose, TopoMap
+from erag.forest.affinity import auto_theta
 from erag.forest.build import build_forest
 from erag.forest.config import FixedCuts, ForestConfig, ShrinkCuts
 
@@ -91,6 +92,18 @@ def test_levels_shrink_by_the_ratios_whatever_the_range_of_cosines() -> None:
         _, report = build_forest(w.topomap, shifted, ForestConfig(max_size=640, cuts=ShrinkCuts(floor=-1)))
         rows = [r.clusters + r.carried for r in report.levels]
         assert rows == [40, 9, 2, 1]
+
+
+def test_theta_of_a_level_is_taken_from_its_own_rows_unless_it_is_given() -> None:
+    w = world(1, 640, textless=0.0)
+    forest, report = build_forest(w.topomap, w.vectors, ForestConfig(max_size=640))
+    first, second = report.levels[:2]
+    assert first.theta == auto_theta(w.frame, w.positions, 16)
+    rows = [c.position for c in forest.clusters if c.level == 1]
+    assert first.carried == 0
+    assert second.theta == auto_theta(w.frame, np.array(rows), 4.5)
+    _, fixed = build_forest(w.topomap, w.vectors, ForestConfig(theta=50))
+    assert {level.theta for level in fixed.levels} == {50.0}
 
 
 def test_clusters_are_numbered_by_their_smallest_leaf_and_avoid_ids_of_the_map() -> None:
@@ -233,6 +246,8 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
         {"cuts": {"kind": "shrink", "first": 1}},
         {"cuts": {"kind": "fixed", "heights": []}},
         {"cuts": {"kind": "guess"}},
+        {"cuts": {"kind": ["shrink"]}},
+        {"cuts": 3},
         {"alfa": 0.5},
     ],
 )
@@ -244,6 +259,10 @@ def test_settings_out_of_range_are_refused(bad: dict[str, object]) -> None:
 def test_a_config_loads_again_from_what_it_saves() -> None:
     for config in (ForestConfig(), ForestConfig(theta=50, cuts=FixedCuts()), ForestConfig(cuts=ShrinkCuts(first=20))):
         assert ForestConfig.model_validate_json(config.model_dump_json()) == config
+
+
+def test_one_value_of_the_default_cuts_can_be_set_alone() -> None:
+    assert ForestConfig.model_validate({"cuts": {"first": 24}}).cuts == ShrinkCuts(first=24)
 
 
 def test_progress_is_told_on_large_maps() -> None:

@@ -90,6 +90,30 @@ def test_ids_of_another_source_and_another_frame_are_refused_and_change_nothing(
     assert memory.observations.nodes() == before
 
 
+def test_clusters_of_another_source_are_refused(memory: MemoryFile) -> None:
+    other = reading(observation(7, id="m7"), source="other", clusters=(GivenCluster("c0", 1, ("m7",)),))
+    with pytest.raises(InputError, match="cluster id 'c0'"):
+        memory.observations.put(other)
+    assert memory.observations.clusters()[0].members == ("n0", "n1")
+
+
+def test_an_observation_keeps_the_source_it_names(memory: MemoryFile) -> None:
+    memory.observations.put(reading(observation(8, source="robot7")))
+    assert memory.observations.nodes()[-1].source == "robot7"
+    assert memory.observations.origins()["n8"] == "world"
+
+
+def test_a_reader_sees_one_state_while_a_writer_commits(path: Path) -> None:
+    with MemoryFile.reading(path) as reader:
+        assert len(reader.observations.nodes()) == 5
+        other = MemoryFile(path, "write")
+        other.db._connection.execute("PRAGMA busy_timeout = 50")
+        with pytest.raises(MemoryFileError, match="locked"):
+            other.observations.remove(["n0"])
+        other.close()
+        assert len(reader.observations.nodes()) == 5
+
+
 def test_removed_nodes_are_gone_at_once_and_purged_with_the_next_build(memory: MemoryFile) -> None:
     assert memory.observations.remove(["n1", "n3"]) == 2
     assert [n.id for n in memory.observations.nodes()] == ["n0", "n2", "n4"]

@@ -49,7 +49,7 @@ def test_a_change_is_seen_by_the_next_query(memory: Memory) -> None:
 
 
 def test_bad_arguments(memory: Memory) -> None:
-    with pytest.raises(InputError, match="text"):
+    with pytest.raises(InputError, match="neither query nor at"):
         memory.query()
     with pytest.raises(InputError, match="at is"):
         memory.query("x", at=(1.0,))
