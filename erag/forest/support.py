@@ -152,7 +152,7 @@ class Checked:
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """From which share of its members on something may be said of a cluster, and may name it; one member at the least."""
+    """From which share of its members on something may be said of a cluster and may name it; one member at least."""
 
     text: float = 0.0
     name: float = 0.0
