@@ -7,6 +7,7 @@ import pytest
 
 from erag.core.errors import ModelError
 from erag.lm.llamacpp.forms import Forms, choose_form
+from erag.lm.llamacpp.library import library_version
 from erag.lm.llamacpp.probe import Candidate, Probe
 from erag.lm.probe import Cpu
 
@@ -38,6 +39,7 @@ def test_only_slow_formats_of_small_files_are_converted() -> None:
     assert choose_form("q4_0", Q4_K, 900 << 20, OLD) == "q4_0"
 
 
+@pytest.mark.skipif(library_version() is None, reason="no llama.cpp: pip install 'erag[llamacpp]'")
 def test_weights_are_converted_once(tmp_path: Path, source: Candidate) -> None:
     made = forms(tmp_path, WRITE).get(source, "bf16")
     assert made.path.read_text() == "converted 32"

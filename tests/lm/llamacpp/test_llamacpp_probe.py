@@ -10,6 +10,7 @@ import pytest
 from erag.core.errors import ModelError
 from erag.lm.ledger import Ledger
 from erag.lm.llamacpp import probe as probes
+from erag.lm.llamacpp.library import library_version
 from erag.lm.llamacpp.probe import Candidate, Probe, explain, remembered
 from erag.lm.llamacpp.process import ask
 from erag.lm.probe import Cpu
@@ -39,6 +40,7 @@ def test_a_model_that_lives_keeps_its_fast_kernels(tmp_path: Path) -> None:
     assert (tmp_path / "log").read_text() == "fast "
 
 
+@pytest.mark.skipif(library_version() is None, reason="no llama.cpp: pip install 'erag[llamacpp]'")
 def test_a_crash_is_cured_remembered_and_explained(tmp_path: Path) -> None:
     log = tmp_path / "log"
     choice = Probe(tmp_path, command=crashing(log), cpu=AMX).survive(CANDIDATE, "auto")
