@@ -31,7 +31,7 @@ class EvidenceConfig(BaseModel):
     )
     members: int = Field(default=0, ge=0, description="representative members whose words are quoted")
     member_chars: int = Field(default=220, ge=40, description="characters of whole sentences quoted of a member")
-    parts: int = Field(default=6, ge=0, description="names of child clusters that are told, the largest")
+    parts: int = Field(default=0, ge=0, description="names of child clusters that are told, the largest first")
 
 
 def tokens(text: str) -> int:

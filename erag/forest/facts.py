@@ -95,8 +95,8 @@ def log_odds(views: IntArray, of: int, total: IntArray, all_of: int, prior: floa
     """
     if of >= all_of:
         return np.zeros(len(views))
-    seen = prior * total / all_of
-    unseen = prior - seen + 1e-9
+    seen = prior * (total + 0.5) / (all_of + 1)  # never 0, never all
+    unseen = prior - seen
     inside = np.log((views + seen) / (of - views + unseen))
     outside = np.log((total - views + seen) / (all_of - of - total + views + unseen))
     variance = 1 / (views + seen) + 1 / (of - views + unseen)

@@ -249,6 +249,8 @@ class _Scanner:
 
     def _boundary(self, word: str, before: str) -> None:
         self._deny_back(word)
+        if word[0].isdigit():
+            self._words.append((word, self._denying is not None))
         if self._denying is not None and self._ends_denial(word, before):
             self._denying = None
         if word in lex.CLAUSE_BREAKS:

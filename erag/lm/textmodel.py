@@ -19,10 +19,11 @@ class Continuation:
 
 @dataclass(frozen=True, slots=True)
 class Likelihood:
-    """The natural log-probability of a continuation, summed over its `tokens` tokens."""
+    """The natural log-probability of a continuation, summed over its `tokens` tokens, after `prompt` tokens."""
 
     logprob: float
     tokens: int
+    prompt: int = 0
 
     @property
     def mean(self) -> float:

@@ -47,7 +47,7 @@ def likelihoods(context: NativeContext, dues: Sequence[Due]) -> list[Likelihood]
         indices, tokens = zip(*due_at[place], strict=True)
         np.add.at(totals, list(indices), log_probabilities(logits, tokens))
     known = {due: float(total) for due, total in zip(asked, totals, strict=True)}
-    return [Likelihood(known.get(due, 0.0), len(due.continuation)) for due in dues]
+    return [Likelihood(known.get(due, 0.0), len(due.continuation), len(due.prompt)) for due in dues]
 
 
 def _logits(context: NativeContext, plan: Reading) -> Iterator[tuple[tuple[int, int], Logits]]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 _QUERIES = 128  # queries of a block: what lies behind the last of them is not computed
 _SCORES = 2_000_000  # numbers of a block
+_FEW = 16  # queries of a key head: up to so many, keys times queries streams the keys faster in bfloat16
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +36,12 @@ class Attention:
     scale: float
     kv_heads: int
 
-    def __call__(self, q: torch.Tensor, k: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
+    def __call__(
+        self, q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, trunk: torch.Tensor | None = None
+    ) -> torch.Tensor:
         """q (b, s, h, hd) over the columns of k and v (b, kv, t, hd), whose own are the last but unused ones.
 
+        trunk: keys and values (2, kv, p, hd) of columns that come before in every row, and are seen by every query.
         Returns (b, s, h·hd).
         """
         import torch
@@ -50,19 +54,41 @@ class Attention:
         for block in self.blocks:
             rows, columns = slice(block.first * kv, block.last * kv), block.bias.shape[-1]
             place = (slice(block.first, block.last), ..., slice(block.begin, block.end), slice(None))
-            weights = self._weights(folded[place], keys[rows, :columns], block.bias)
-            out[place] = torch.bmm(weights, values[rows, :columns]).view(out[place].shape)
+            weights = self._weights(folded[place], keys[rows, :columns], block.bias, trunk)
+            out[place] = _mixed(weights, values[rows, :columns], trunk)
         return out.permute(0, 3, 1, 2, 4).reshape(b, s, heads * width)
 
-    def _weights(self, q: torch.Tensor, k: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
-        """q (rows, kv, g, s, hd), k (rows·kv, t, hd) → what each query gives each column (rows·kv, g·s, t)."""
+    def _weights(
+        self, q: torch.Tensor, k: torch.Tensor, bias: torch.Tensor, trunk: torch.Tensor | None
+    ) -> torch.Tensor:
+        """q (b, kv, g, s, hd), k (b·kv, t, hd) → what each query gives each column (b, kv, g, s, p + t)."""
         import torch
 
         rows, kv, group, s, width = q.shape
         flat = q.reshape(rows * kv, group * s, width)
-        scores = torch.bmm(flat, k.transpose(1, 2))
-        biased = torch.add(bias, scores.view(rows, kv, group, s, -1), alpha=self.scale)
-        return torch.softmax(biased.view(rows * kv, group * s, -1), -1)
+        if q.dtype == torch.bfloat16 and group * s <= _FEW:
+            near = torch.bmm(k, flat.transpose(1, 2)).transpose(1, 2).contiguous()
+        else:
+            near = torch.bmm(flat, k.transpose(1, 2))
+        scores = torch.add(bias, near.view(rows, kv, group, s, -1), alpha=self.scale)
+        if trunk is not None:
+            asked = q.transpose(0, 1).reshape(kv, rows * group * s, width)  # one product for all rows
+            far = torch.bmm(asked, trunk[0].transpose(1, 2)).mul_(self.scale)
+            scores = torch.cat([far.view(kv, rows, group, s, -1).transpose(0, 1), scores], -1)
+        return torch.softmax(scores, -1)
+
+
+def _mixed(weights: torch.Tensor, values: torch.Tensor, trunk: torch.Tensor | None) -> torch.Tensor:
+    """weights (b, kv, g, s, p + t), values (b·kv, t, hd) → (b, kv, g, s, hd)."""
+    import torch
+
+    rows, kv, group, s, columns = weights.shape
+    past = columns - values.shape[1]
+    near = torch.bmm(weights[..., past:].reshape(rows * kv, group * s, -1), values).view(rows, kv, group, s, -1)
+    if trunk is None:
+        return near
+    shares = weights[..., :past].transpose(0, 1).reshape(kv, rows * group * s, past)
+    return near.add_(torch.bmm(shares, trunk[1]).view(kv, rows, group, s, -1).transpose(0, 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +96,7 @@ class Grid:
     """What the attention of a call is planned from: `rows` rows of `queries` new columns after `past` columns.
 
     holes: (rows, past) bool, true where a column is padding; None where none is. `unused` columns that come after may
-    be read but not looked at.
+    be read but not looked at; `trunk` columns come before and are shared.
     """
 
     rows: int
@@ -78,6 +104,7 @@ class Grid:
     past: int
     holes: torch.Tensor | None
     unused: int = 0
+    trunk: int = 0
 
 
 def attention(grid: Grid, kv_heads: int, group: int, scale: float, dtype: torch.dtype) -> Attention:
@@ -85,7 +112,7 @@ def attention(grid: Grid, kv_heads: int, group: int, scale: float, dtype: torch.
     blocks = []
     for begin in range(0, grid.queries, _QUERIES):
         end = min(begin + _QUERIES, grid.queries)
-        step = max(1, _SCORES // (kv_heads * group * (end - begin) * (grid.past + end)))
+        step = max(1, _SCORES // (kv_heads * group * (end - begin) * (grid.trunk + grid.past + end)))
         for first in range(0, grid.rows, step):
             last = min(first + step, grid.rows)
             bias = _bias(grid, slice(first, last), slice(begin, end), dtype)

@@ -35,10 +35,25 @@ class Buffers:
         return Cache(self.shape, self._flat, rows, columns)
 
 
+class Pool:
+    """Buffers by level: a cache at one level is made from one at the level above, so that both live side by side."""
+
+    def __init__(self, shape: Shape, dtype: torch.dtype) -> None:
+        self._shape, self._dtype = shape, dtype
+        self._levels: list[Buffers] = []
+
+    def level(self, depth: int) -> Buffers:
+        """The buffers of a level, 0 the topmost."""
+        while len(self._levels) <= depth:
+            self._levels.append(Buffers(self._shape, self._dtype))
+        return self._levels[depth]
+
+
 class Cache:
     """`rows` sequences over columns 0 … `width`.
 
-    Sequences of unequal length leave holes: columns that hold no token of a row and are never looked at.
+    Sequences of unequal length leave holes: columns that hold no token of a row and are never looked at. All may
+    continue one `trunk`, which is then kept once.
     """
 
     def __init__(self, shape: Shape, flat: Sequence[torch.Tensor], rows: int, columns: int) -> None:
@@ -46,8 +61,20 @@ class Cache:
 
         self._shape, self._flat, self._spare = shape, list(flat[:-1]), flat[-1]
         self.rows, self.width, self.columns, self._made = rows, 0, columns, rows
+        self.trunk: Cache | None = None
+        self._finite = False  # whether the columns that are not in use hold numbers
         self.lengths = torch.zeros(rows, dtype=torch.long)  # tokens of each row
         self.hole = torch.ones(rows, columns, dtype=torch.bool)
+
+    @property
+    def readable(self) -> int:
+        """The columns that may be read, in use or not: what is masked still gets multiplied by zero."""
+        return self.columns if self._finite else self.width
+
+    @property
+    def copied(self) -> int:
+        """The columns that a cache that follows this one has to copy: none where this one can be its trunk."""
+        return 0 if self.rows == 1 and self.trunk is None and self.width == self.columns else self.width
 
     def layer(self, index: int) -> torch.Tensor:
         """Keys and values (2, rows, kv, columns, hd) of a layer."""
@@ -68,19 +95,26 @@ class Cache:
         self.width += width
 
     def clear(self, rows: slice, start: int, stop: int) -> None:
-        """Make columns finite that will be holes: what is masked still gets multiplied by zero."""
+        """Make columns finite that will be holes."""
         if start < stop:
             for i in range(self._shape.layers):
                 self.layer(i)[:, rows, :, start:stop] = 0
 
-    def copy_rows(self, source: Cache, rows: Sequence[int]) -> None:
-        """Become the given rows of another cache. Room for its columns is needed."""
+    def follow(self, source: Cache, rows: Sequence[int]) -> None:
+        """Continue the given rows of another cache, which has to stay as it is.
+
+        A source of one full row becomes the trunk; else the rows are copied, for which room is needed.
+        """
         import torch
 
         index, width = torch.tensor(rows), source.width
+        self.lengths[:] = source.lengths[index]
+        if not source.copied:
+            self.trunk = source
+            return
+        self.trunk = source.trunk
         for i in range(self._shape.layers):
             self.layer(i)[:, :, :, :width] = source.layer(i)[:, :, :, :width].index_select(1, index)
-        self.lengths[:] = source.lengths[index]
         self.hole[:, :width] = source.hole[index, :width]
         self.width = width
 
@@ -97,7 +131,7 @@ class Cache:
             self._flat[i], self._spare = self._spare, flat
         hole = torch.ones(self._made, columns, dtype=torch.bool)
         hole[:, : self.width] = self.hole[:, : self.width]
-        self.hole, self.columns = hole, columns
+        self.hole, self.columns, self._finite = hole, columns, True
 
     def drop(self, row: int) -> None:
         """Remove a row: the last one takes its place."""

@@ -19,6 +19,7 @@ _MAGIC, _VERSIONS = b"GGUF", (2, 3)
 _MAX_ENTRIES, _MAX_TENSORS, _MAX_DIMS, _MAX_NAME, _MAX_DEPTH = 65_536, 65_536, 4, 1024, 2
 _STRING, _ARRAY = 8, 9
 _NUMBERS = {0: "B", 1: "b", 2: "H", 3: "h", 4: "I", 5: "i", 6: "f", 7: "?", 10: "Q", 11: "q", 12: "d"}
+_SIZE = struct.Struct("<Q")
 _ALIGNMENT = "general.alignment"
 
 
@@ -122,12 +123,26 @@ class _Reader:
     def _array(self, depth: int) -> Any:
         kind, count = self._number("I"), self._number("Q")
         self._bound("array elements", count, len(self._data) - self._at)
+        if kind == _STRING:
+            return self._strings(count)
         if kind not in _NUMBERS:
             return [self._value(kind, depth) for _ in range(count)]
         dtype = np.dtype(_NUMBERS[kind]).newbyteorder("<")
         self._bound("array bytes", count * dtype.itemsize, len(self._data) - self._at)
         self._at += count * dtype.itemsize
         return np.frombuffer(self._data[self._at - count * dtype.itemsize : self._at], dtype)
+
+    def _strings(self, count: int) -> list[str]:
+        """A list of strings: a vocabulary, so this loop is the one that takes time."""
+        data, at, found = self._data, self._at, []
+        for _ in range(count):
+            (size,) = _SIZE.unpack_from(data, at)
+            at += 8 + size
+            if at > len(data):
+                self._bound("bytes of a string", size, len(data) - at + size)
+            found.append(str(data[at - size : at], "utf-8"))
+        self._at = at
+        return found
 
     def _tensor(self) -> TensorEntry:
         name, dims = self._string(), self._number("I")

@@ -32,6 +32,15 @@ class _Layer:
     down: Linear
 
 
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What a layer has seen: keys and values (2, b, kv, columns, hd), columns in use, the trunk's (2, kv, p, hd)."""
+
+    pair: torch.Tensor
+    past: int
+    trunk: torch.Tensor | None
+
+
 class Decoder:
     """Weights laid out for this CPU. All methods are to be called in torch's inference mode."""
 
@@ -43,8 +52,9 @@ class Decoder:
         rope_factors: npt.NDArray[np.float32] | None = None,
     ) -> None:
         self.shape = shape
-        self._embedding, self._norm = tensors[EMBEDDING], tensors[FINAL_NORM]
-        self._head_weight = tensors[EMBEDDING if shape.tied else HEAD]
+        # What is kept beside the laid out weights is copied, so that the file they were read from can be unmapped.
+        self._embedding, self._norm = tensors[EMBEDDING].clone(), tensors[FINAL_NORM].clone()
+        self._head_weight = self._embedding if shape.tied else tensors[HEAD].clone()
         self._head = linear(self._head_weight, None, kernels)
         self._layers = [_layer(tensors, f"blk.{i}.", kernels, shape.biased) for i in range(shape.layers)]
         self._turns = _turns(shape, rope_factors)
@@ -59,13 +69,15 @@ class Decoder:
 
         b, s = tokens.shape
         rows = slice(first, first + b)
-        unused = cache.columns - cache.width - 1 if s == 1 else 0  # one query: over all columns, which need no copy
-        grid = Grid(b, s, cache.width, cache.holes(first, first + b), unused)
+        unused = max(cache.readable - cache.width - 1, 0) if s == 1 else 0  # all columns: no copy is needed of these
+        trunk = cache.trunk
+        grid = Grid(b, s, cache.width, cache.holes(first, first + b), unused, trunk.width if trunk else 0)
         look = attention(grid, self.shape.kv_heads, self.shape.group, self.shape.head**-0.5, self.dtype)
         turns = self._turn(cache.lengths[rows], s)
         x = embedding(tokens, self._embedding)
         for i, layer in enumerate(self._layers):
-            x = self._block(x, layer, cache.layer(i)[:, rows], cache.width, look, turns)
+            shared = trunk.layer(i)[:, 0] if trunk else None
+            x = self._block(x, layer, _Seen(cache.layer(i)[:, rows], cache.width, shared), look, turns)
         return x
 
     def logits(self, hidden: torch.Tensor) -> torch.Tensor:
@@ -103,23 +115,15 @@ class Decoder:
         index = torch.tensor(rows)
         return (normed[index] * self._head_weight[goal].float()).sum(-1) - mass[index]
 
-    def _block(
-        self,
-        x: torch.Tensor,
-        layer: _Layer,
-        pair: torch.Tensor,
-        past: int,
-        look: Attention,
-        turns: torch.Tensor,
-    ) -> torch.Tensor:
+    def _block(self, x: torch.Tensor, layer: _Layer, seen: _Seen, look: Attention, turns: torch.Tensor) -> torch.Tensor:
         b, s, _ = x.shape
         q, kv = self.shape.heads, self.shape.kv_heads
-        keys, values = pair
+        keys, values = seen.pair
         heads = layer.qkv(self._normed(x, layer.before)).view(b, s, q + 2 * kv, self.shape.head)
         turned = _rotated(heads[:, :, : q + kv], turns)
-        keys[:, :, past : past + s] = turned[:, :, q:].transpose(1, 2)
-        values[:, :, past : past + s] = heads[:, :, q + kv :].transpose(1, 2)
-        mixed = look(turned[:, :, :q], keys, values)
+        keys[:, :, seen.past : seen.past + s] = turned[:, :, q:].transpose(1, 2)
+        values[:, :, seen.past : seen.past + s] = heads[:, :, q + kv :].transpose(1, 2)
+        mixed = look(turned[:, :, :q], keys, values, seen.trunk)
         x = layer.out.plus(mixed, x)
         h = self._normed(x, layer.between)
         return layer.down.plus(layer.up.times(h, layer.gate.silu(h)), x)
@@ -147,10 +151,10 @@ def _layer(tensors: Mapping[str, torch.Tensor], prefix: str, kernels: Kernels, b
         return torch.cat([tensors[f"{prefix}attn_{part}.{suffix}"] for part in "qkv"])
 
     return _Layer(
-        before=tensors[f"{prefix}attn_norm.weight"],
+        before=tensors[f"{prefix}attn_norm.weight"].clone(),
         qkv=linear(joined("weight"), joined("bias") if biased else None, kernels),
         out=one("attn_output"),
-        between=tensors[f"{prefix}ffn_norm.weight"],
+        between=tensors[f"{prefix}ffn_norm.weight"].clone(),
         gate=one("ffn_gate"),
         up=one("ffn_up"),
         down=one("ffn_down"),

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from erag.lm.torchlm.cache import Buffers, Cache
+from erag.lm.torchlm.cache import Cache, Pool
 from erag.lm.torchlm.decoder import Decoder
-from erag.lm.torchlm.plan import Limits, Tokens, batches, common
+from erag.lm.torchlm.plan import MIN_SHARED, Limits, Tokens, batches, common
 from erag.lm.torchlm.prefill import extend
 from erag.lm.torchlm.writer import Writer
 
@@ -30,46 +30,47 @@ class Request:
 class Generator:
     """Answers requests batch by batch; `limits` are those of a batch."""
 
-    def __init__(self, decoder: Decoder, limits: Limits) -> None:
-        self._decoder, self._limits = decoder, limits
-        self._root, self._rows = (Buffers(decoder.shape, decoder.dtype) for _ in range(2))
+    def __init__(self, decoder: Decoder, limits: Limits, pool: Pool) -> None:
+        self.decoder, self._limits, self._pool = decoder, limits, pool
 
     def run(self, requests: Sequence[Request]) -> None:
         """Let all writers finish. What is computed together is a function of prompts, beginnings and caps."""
         import torch
 
-        open_ = sorted(
-            (r for r in requests if not r.writer.finished), key=lambda r: (len(_start(r)), _start(r), r.most)
-        )
+        waiting = [request for request in requests if not request.writer.finished]
+        waiting.sort(key=lambda r: (len(_start(r)), _start(r), r.most))
         with torch.inference_mode():
-            for part in batches([len(_start(r)) + r.most for r in open_], self._limits):
-                self._batch(open_[part.start : part.stop])
+            shared, trunk = self._trunk([_start(request) for request in waiting])
+            for part in batches([len(_start(r)) - shared + r.most for r in waiting], self._limits):
+                self._batch(waiting[part.start : part.stop], shared, trunk)
 
-    def _batch(self, requests: Sequence[Request]) -> None:
+    def _trunk(self, prompts: Sequence[Tokens]) -> tuple[int, Cache | None]:
+        """What all prompts begin with: its length (0 where it is not worth it), and the cache that holds it."""
+        shared = min(common(prompts), min(map(len, prompts)) - 1) if len(prompts) > 1 else 0
+        if shared < MIN_SHARED:
+            return 0, None
+        trunk = self._pool.level(0).cache(1, shared)
+        extend(self.decoder, trunk, [prompts[0][:shared]], [[]])
+        return shared, trunk
+
+    def _batch(self, requests: Sequence[Request], shared: int, trunk: Cache | None) -> None:
         writers = [request.writer for request in requests]
-        cache, hidden = self._prefill([_start(request) for request in requests], max(r.most for r in requests))
+        rows = [_start(request)[shared:] for request in requests]
+        width, most = max(map(len, rows)), max(request.most for request in requests)
+        cache = self._pool.level(1).cache(len(rows), width, room=width + most + _STEP)
+        if trunk is not None:
+            cache.follow(trunk, [0] * len(rows))
+        hidden = extend(self.decoder, cache, rows, [[len(row) - 1] for row in rows])
         for writer in writers:
             writer.queue.clear()  # it was read with the prompt
         while self._choose(writers, hidden, cache):
             hidden = self._step(writers, cache)
 
-    def _prefill(self, prompts: Sequence[Tokens], most: int) -> tuple[Cache, torch.Tensor]:
-        """The cache that holds the prompts, and the last hidden state (n, d) of each."""
-        shared = min(common(prompts), min(map(len, prompts)) - 1)
-        rest = [prompt[shared:] for prompt in prompts]
-        width = shared + max(map(len, rest))
-        cache = self._rows.cache(len(prompts), width, room=width + most + _STEP)
-        if shared:
-            root = self._root.cache(1, shared)
-            extend(self._decoder, root, [prompts[0][:shared]], [[]])
-            cache.copy_rows(root, [0] * len(prompts))
-        return cache, extend(self._decoder, cache, rest, [[len(row) - 1] for row in rest])
-
     def _choose(self, writers: list[Writer], hidden: torch.Tensor, cache: Cache) -> bool:
         """Let the writers whose turn it is choose, and take out those that finished. Whether any is left."""
         asking = [i for i, writer in enumerate(writers) if not writer.queue]
         if asking:
-            best, logits = self._decoder.best(hidden[asking])
+            best, logits = self.decoder.best(hidden[asking])
             for place, row in enumerate(asking):
                 writer = writers[row]
                 while not writer.queue and not writer.finished:
@@ -88,7 +89,7 @@ class Generator:
         if cache.width == cache.columns:
             cache.resize(cache.columns + _STEP)
         tokens = torch.tensor([[writer.queue.popleft()] for writer in writers])
-        hidden = self._decoder.forward(tokens, cache)[:, 0]
+        hidden = self.decoder.forward(tokens, cache)[:, 0]
         cache.advance([1] * len(writers), 1)
         return hidden
 

@@ -17,6 +17,7 @@ from erag.lm.ledger import Ledger
 from erag.lm.probe import DtypeWish, choose_dtype
 from erag.lm.roles import Generation, Prompt, RoleName
 from erag.lm.textmodel import Continuation, Likelihood
+from erag.lm.torchlm.cache import Pool
 from erag.lm.torchlm.container import open_container
 from erag.lm.torchlm.decoder import Decoder
 from erag.lm.torchlm.generating import Generator, Request
@@ -134,7 +135,7 @@ class TorchLM:
         for due in dues:
             self._fits(len(due.prompt) + len(due.continuation))
         found = loaded.scorer.run([due for due in dues if due.continuation])
-        return [Likelihood(found.get(due, 0.0), len(due.continuation)) for due in dues]
+        return [Likelihood(found.get(due, 0.0), len(due.continuation), len(due.prompt)) for due in dues]
 
     def vocabulary(self) -> Vocabulary:
         """The vocabulary and the chat template; loads the model."""
@@ -184,7 +185,9 @@ class TorchLM:
         decoder = Decoder(shape, cache.load(file, shape, self._ledger), self._kernels, rope_factors(file))
         limits = Limits(self._config.batch_size, self._config.batch_cells)
         context = min(self._config.context, shape.context)
-        return _Loaded(vocabulary, Lexicon(vocabulary), Generator(decoder, limits), Scorer(decoder, limits), context)
+        pool = Pool(shape, decoder.dtype)
+        generator, scorer = Generator(decoder, limits, pool), Scorer(decoder, limits, pool)
+        return _Loaded(vocabulary, Lexicon(vocabulary), generator, scorer, context)
 
 
 def _key(prompt: Prompt) -> str:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from erag.lm.torchlm.cache import Buffers, Cache
+from erag.lm.torchlm.cache import Cache, Pool
 from erag.lm.torchlm.decoder import Decoder
-from erag.lm.torchlm.plan import Branch, Limits, Tokens, batches, tree
+from erag.lm.torchlm.plan import Branch, Limits, Tokens, batches, common, tree
 from erag.lm.torchlm.prefill import extend
 
 if TYPE_CHECKING:
@@ -39,9 +39,8 @@ class _Place:
 class Scorer:
     """Scores dues batch by batch; `limits` are those of a batch."""
 
-    def __init__(self, decoder: Decoder, limits: Limits) -> None:
-        self._decoder, self._limits = decoder, limits
-        self._buffers: list[Buffers] = []  # one a level of the tree
+    def __init__(self, decoder: Decoder, limits: Limits, pool: Pool) -> None:
+        self._decoder, self._limits, self._pool = decoder, limits, pool
 
     def run(self, dues: Sequence[Due]) -> dict[Due, float]:
         """The natural log-probability of each distinct due, summed over its tokens."""
@@ -54,7 +53,8 @@ class Scorer:
             owners[place[due.path]].append(due)
         found: dict[Due, float] = {}
         with torch.inference_mode():
-            for part in batches([len(path) for path in paths], self._limits):
+            shared = common(paths) if len(paths) > 1 else 0
+            for part in batches([len(path) - shared for path in paths], self._limits):
                 found |= self._batch(paths[part.start : part.stop], owners[part.start : part.stop])
         return found
 
@@ -95,12 +95,10 @@ class Scorer:
         return torch.cat(states), at
 
     def _cache(self, depth: int, above: Cache | None, level: Sequence[_Place]) -> Cache:
-        if depth == len(self._buffers):
-            self._buffers.append(Buffers(self._decoder.shape, self._decoder.dtype))
         width = max(len(place.branch.tokens) for place in level)
-        cache = self._buffers[depth].cache(len(level), width + (above.width if above else 0))
+        cache = self._pool.level(depth).cache(len(level), width + (above.copied if above else 0))
         if above is not None:
-            cache.copy_rows(above, [place.parent or 0 for place in level])
+            cache.follow(above, [place.parent or 0 for place in level])
         return cache
 
 

@@ -165,7 +165,7 @@ def _numbers(source: Container, entry: TensorEntry) -> npt.NDArray[np.float32]:
         raise ModelError(f"tensor {entry.name} has the type {entry.kind} in rows of {inner}", where=source.path.name)
     shape = (*outer, inner // block * size)
     try:
-        raw = np.memmap(source.path, np.uint8, "r", entry.start, shape)
+        raw = np.memmap(source.path, np.uint8, "r", entry.start, shape).view(np.ndarray)  # slices of maps are slow
         numbers = dequantize(raw, kinds[entry.kind]).astype(np.float32, copy=False).reshape(entry.shape)
         return np.require(numbers, requirements=["C", "W"])  # torch takes no memory that is mapped to be read only
     except (ValueError, NotImplementedError) as error:

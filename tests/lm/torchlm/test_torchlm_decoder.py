@@ -80,7 +80,7 @@ def test_rows_that_go_on_with_holes_equal_single_sequences(decoder: Decoder) -> 
         root = Buffers(decoder.shape, decoder.dtype).cache(1, 20)
         extend(decoder, root, [start], [[]])
         cache = Buffers(decoder.shape, decoder.dtype).cache(3, 31)
-        cache.copy_rows(root, [0, 0, 0])
+        cache.follow(root, [0, 0, 0])
         extend(decoder, cache, middles, [[]] * 3)
         alive = [0, 1, 2]
         for step in range(6):
@@ -96,36 +96,45 @@ def test_rows_that_go_on_with_holes_equal_single_sequences(decoder: Decoder) -> 
                 assert (decoder.logits(hidden[row : row + 1])[0] - alone).abs().max() < 1e-4
 
 
-def test_what_lies_in_unused_memory_is_never_looked_at(decoder: Decoder) -> None:
-    buffers, rows = Buffers(decoder.shape, decoder.dtype), [some_tokens(3), some_tokens(9)]
+@pytest.mark.parametrize("lengths", [(3, 9), (1, 1, 600)])
+def test_what_lies_in_unused_memory_is_never_looked_at(decoder: Decoder, lengths: tuple[int, ...]) -> None:
+    buffers, rows = Buffers(decoder.shape, decoder.dtype), [some_tokens(n, seed=n) for n in lengths]
     with torch.inference_mode():
-        for flat in buffers.cache(2, 30).layer(0), *(buffers.cache(2, 30).layer(i) for i in range(1, 3)):
-            flat.fill_(float("nan"))
-        cache = buffers.cache(2, 9, room=30)
-        hidden = extend(decoder, cache, rows, [[2], [8]])
-        cache.resize(12)
-        step = decoder.forward(torch.tensor([[5], [6]]), cache)
-    assert torch.isfinite(hidden).all()
-    assert torch.isfinite(step).all()
+        poisoned = buffers.cache(len(rows), 2 * max(lengths))
+        for layer in range(3):
+            poisoned.layer(layer).fill_(float("nan"))
+        cache = buffers.cache(len(rows), max(lengths), room=2 * max(lengths))
+        hidden = extend(decoder, cache, rows, [[n - 1] for n in lengths])
+        cache.resize(cache.columns + 3)
+        step = decoder.forward(torch.tensor([[5]] * len(rows)), cache)[:, 0]
+    for row, first, second in zip(rows, decoder.logits(hidden), decoder.logits(step), strict=True):
+        alone = logits_of(decoder, [*row, 5])
+        assert (torch.stack([first, second]) - alone[-2:]).abs().max() < 1e-4
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+@pytest.mark.parametrize("trunk", [0, 33])
 @pytest.mark.parametrize(("rows", "queries", "past", "unused"), [(3, 1, 17, 4), (2, 300, 0, 0), (2, 150, 40, 0)])
 def test_attention_equals_the_plain_formula(
-    rows: int, queries: int, past: int, unused: int, dtype: torch.dtype
+    rows: int, queries: int, past: int, unused: int, trunk: int, dtype: torch.dtype
 ) -> None:
     torch.manual_seed(0)
     columns = past + queries + unused
     q, k, v = torch.randn(rows, queries, 6, 8), torch.randn(rows, 2, columns, 8), torch.randn(rows, 2, columns, 8)
+    pair = torch.randn(2, 2, trunk, 8)
     holes = torch.rand(rows, past) < 0.3 if past else None
-    look = attention(Grid(rows, queries, past, holes, unused), 2, 3, 8**-0.5, dtype)
+    look = attention(Grid(rows, queries, past, holes, unused, trunk), 2, 3, 8**-0.5, dtype)
     seen = torch.ones(queries, columns, dtype=torch.bool).tril(past).expand(rows, -1, -1).clone()
     if holes is not None:
         seen[:, :, :past] &= ~holes[:, None]
     expected = torch.nn.functional.scaled_dot_product_attention(
-        q.transpose(1, 2), k, v, attn_mask=seen[:, None], enable_gqa=True
+        q.transpose(1, 2),
+        torch.cat([pair[0].expand(rows, -1, -1, -1), k], 2),
+        torch.cat([pair[1].expand(rows, -1, -1, -1), v], 2),
+        attn_mask=torch.cat([torch.ones(rows, queries, trunk, dtype=torch.bool), seen], 2)[:, None],
+        enable_gqa=True,
     )
-    ours = look(q.to(dtype), k.to(dtype), v.to(dtype)).float()
+    ours = look(q.to(dtype), k.to(dtype), v.to(dtype), pair.to(dtype) if trunk else None).float()
     assert (ours - expected.transpose(1, 2).flatten(2)).abs().max() < (1e-5 if dtype == torch.float32 else 0.05)
 
 

@@ -49,12 +49,12 @@ class Llama:
 
 
 def prompts_of(model: TorchLM) -> list[list[int]]:
-    vocabulary = model._load().vocabulary
+    vocabulary = model.vocabulary()
     return [vocabulary.encode_chat(vocabulary.template.render((("user", q),))) for q in QUESTIONS]
 
 
 def logits_of(model: TorchLM, prompt: list[int]) -> torch.Tensor:
-    decoder = model._load().generator._decoder
+    decoder = model.generator().decoder
     with torch.inference_mode():
         cache = Buffers(decoder.shape, decoder.dtype).cache(1, len(prompt))
         return decoder.logits(extend(decoder, cache, [prompt], [range(len(prompt))]))
@@ -78,7 +78,7 @@ def test_a_tiny_model_computes_the_same(tmp_path: Path, tiny: Tiny) -> None:
     path = write_gguf(tmp_path / "tiny.gguf", tiny, random_weights(tiny))
     store = store_of(tmp_path / "store", path)
     model = TorchLM(TorchLMConfig(model="tiny", dtype="float32"), store, cache=tmp_path / "cache")
-    prompts, vocabulary = prompts_of(model), model._load().vocabulary
+    prompts, vocabulary = prompts_of(model), model.vocabulary()
     llama = Llama(tmp_path, store.path("tiny"), prompts, vocabulary.ends)
     assert distance(model, llama, prompts).max() < 1e-3
     assert texts_of(model) == [vocabulary.decode(text) for text in llama.texts]
@@ -116,7 +116,7 @@ def smollm(weights: ModelStore) -> ModelStore:
 def test_smollm2_in_float32_computes_the_same(smollm: ModelStore, tmp_path: Path) -> None:
     model = TorchLM(TorchLMConfig(dtype="float32"), smollm, cache=tmp_path / "cache")
     path = whole_precision(smollm.path("smollm2-135m"), tmp_path / "whole.gguf")
-    prompts, vocabulary = prompts_of(model), model._load().vocabulary
+    prompts, vocabulary = prompts_of(model), model.vocabulary()
     llama = Llama(tmp_path, path, prompts, vocabulary.ends)
     path.unlink()  # 540 MB
     assert distance(model, llama, prompts).max() < 1e-3
@@ -127,7 +127,7 @@ def test_smollm2_in_float32_computes_the_same(smollm: ModelStore, tmp_path: Path
 def test_likelihoods_are_those_of_llama_cpp(smollm: ModelStore, tmp_path: Path) -> None:
     """On the quantised file llama.cpp rounds activations to 8 bits, so that its numbers are near, not equal."""
     model = TorchLM(TorchLMConfig(dtype="float32"), smollm, cache=tmp_path / "cache")
-    prompts, vocabulary = prompts_of(model), model._load().vocabulary
+    prompts, vocabulary = prompts_of(model), model.vocabulary()
     answers = ["A square with benches.", "Books.", "In a park.", "Rain falls.", "Red, yellow and green."]
     whole = [p + vocabulary.encode(a) for p, a in zip(prompts, answers, strict=True)]
     llama = Llama(tmp_path, smollm.path("smollm2-135m"), whole, vocabulary.ends)
