@@ -9,11 +9,28 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.lm.compose import compose
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
+from erag.lm.llamacpp.backend import LlamaCpp
+from erag.lm.llamacpp.config import LlamaCppConfig
 from erag.lm.roles import LMBackend, Model, RoleName, Roles
 from erag.lm.sentence import SentenceConfig, SentenceEmbedder
+from erag.lm.textroles import TextRoles, TextRolesConfig
+from erag.lm.torchlm import TorchLM, TorchLMConfig
 from erag.lm.weights import ModelStore
 
-ModelConfig = Annotated[SentenceConfig | FakeConfig, Field(discriminator="kind")]
+
+class LlamaCppRoles(LlamaCppConfig):
+    """A GGUF model in llama.cpp, and how it plays the text roles (`text`)."""
+
+    text: TextRolesConfig = TextRolesConfig()
+
+
+class TorchLMRoles(TorchLMConfig):
+    """A GGUF model in PyTorch, and how it plays the text roles (`text`)."""
+
+    text: TextRolesConfig = TextRolesConfig()
+
+
+ModelConfig = Annotated[SentenceConfig | LlamaCppRoles | TorchLMRoles | FakeConfig, Field(discriminator="kind")]
 
 
 def _default_models() -> dict[str, ModelConfig]:
@@ -39,6 +56,12 @@ def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | Non
 
 
 def _model(config: ModelConfig, store: ModelStore, ledger: Ledger | None) -> Model:
-    if isinstance(config, FakeConfig):
-        return Fake(config)
-    return SentenceEmbedder(config, store, ledger)
+    match config:
+        case FakeConfig():
+            return Fake(config)
+        case LlamaCppRoles():
+            return TextRoles(LlamaCpp(config, store, ledger), config.text, ledger)
+        case TorchLMRoles():
+            return TextRoles(TorchLM(config, store, ledger), config.text, ledger)
+        case SentenceConfig():
+            return SentenceEmbedder(config, store, ledger)

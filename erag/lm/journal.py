@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
@@ -15,6 +14,7 @@ from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
 from erag.lm import records
 from erag.lm.ledger import Ledger
+from erag.lm.metered import Metered
 from erag.lm.roles import (
     Caption,
     Generation,
@@ -79,8 +79,8 @@ class Journal:
     def __init__(
         self, backend: LMBackend, store: CallStore, ledger: Ledger | None = None, progress: Progress = quiet
     ) -> None:
-        self._backend, self._store, self._progress = backend, store, progress
         self.ledger = ledger or Ledger()
+        self._backend, self._store, self._progress = Metered(backend, self.ledger), store, progress
 
     def identity(self, role: RoleName) -> str:
         return self._backend.identity(role)
@@ -103,7 +103,7 @@ class Journal:
 
         def compute(rows: list[int]) -> None:
             batch = self._store.begin("embed", self.fingerprint("embed"), [keys[i] for i in rows])
-            vectors = self._attempt("embed", batch, lambda: self._backend.embed([texts[i] for i in rows], kind), rows)
+            vectors = self._attempt(batch, lambda: self._backend.embed([texts[i] for i in rows], kind))
             self._store.finish_vectors(batch, [keys[i] for i in rows], vectors)
 
         self._run("embed", keys, [len(t) for t in texts], known, compute)
@@ -146,7 +146,7 @@ class Journal:
 
         def compute(rows: list[int]) -> None:
             batch = self._store.begin(role, self.fingerprint(role), [keys[i] for i in rows])
-            results = self._attempt(role, batch, lambda: call([inputs[i] for i in rows]), rows)
+            results = self._attempt(batch, lambda: call([inputs[i] for i in rows]))
             encoded = {keys[i]: (requests[i], codec.encode(r)) for i, r in zip(rows, results, strict=True)}
             self._store.finish(batch, encoded)
             known.update({key: result for key, (_, result) in encoded.items()})
@@ -174,16 +174,12 @@ class Journal:
         if total:
             self._progress(role, total, total)
 
-    def _attempt(self, role: RoleName, batch: int, call: Callable[[], Out], rows: Sequence[int]) -> Out:
-        start = time.perf_counter()
+    def _attempt(self, batch: int, call: Callable[[], Out]) -> Out:
         try:
-            result = call()
+            return call()
         except EragError as error:
             self._store.fail(batch, error.line())
             raise
-        self.ledger.calls[role] += len(rows)
-        self.ledger.seconds[role] += time.perf_counter() - start
-        return result
 
 
 def _requests(items: Sequence[Any]) -> list[str]:

@@ -10,21 +10,24 @@ from dataclasses import dataclass, field
 class Ledger:
     """Counts by role: `calls` items computed by a model, `replayed` items read from records, `seconds` in the models.
 
-    `events` counts what a user should see: truncated texts, fallbacks, refused outputs.
+    `tokens_in` and `tokens_out` count what language models read (each prompt in full, though shared beginnings are
+    computed once) and wrote. `events` counts what a user should see: truncated texts, fallbacks, refused outputs.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
     replayed: Counter[str] = field(default_factory=Counter)
     seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    tokens_in: Counter[str] = field(default_factory=Counter)
+    tokens_out: Counter[str] = field(default_factory=Counter)
     events: Counter[str] = field(default_factory=Counter)
 
     def lines(self) -> list[str]:
         """A line a role and a line an event, for printing."""
         roles = sorted(set(self.calls) | set(self.replayed))
-        return [
-            *(
-                f"{r}: {self.calls[r]} computed in {self.seconds[r]:.1f} s, {self.replayed[r]} read from records"
-                for r in roles
-            ),
-            *(f"{name}: {n}" for name, n in sorted(self.events.items())),
-        ]
+        return [*map(self._role, roles), *(f"{name}: {n:,}" for name, n in sorted(self.events.items()))]
+
+    def _role(self, role: str) -> str:
+        read, wrote = self.tokens_in[role], self.tokens_out[role]
+        tokens = f", {read:,} tokens read and {wrote:,} written" if read else ""
+        done = f"{self.calls[role]:,} computed in {self.seconds[role]:.1f} s{tokens}"
+        return f"{role}: {done}; {self.replayed[role]:,} read from records"

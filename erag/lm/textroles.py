@@ -15,7 +15,7 @@ from erag.lm import prompts
 from erag.lm.choosing import Limits, Measure, by_number, by_relevance, relevance
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Generation, Group, Prompt, RoleName, SelectTask, Summary, Vectors
-from erag.lm.textmodel import TextModel
+from erag.lm.textmodel import Continuation, Likelihood, TextModel
 
 CHARS_A_TOKEN = 2  # the fewest that the token cap of a summary allows for
 
@@ -30,7 +30,7 @@ class TextRolesConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     selector: Literal["likelihood", "yes_no", "grammar"] = "likelihood"
-    scorer: Measure = "yes_no"
+    scorer: Measure = "likelihood"
     temperature: float = Field(1.0, gt=0, le=100, allow_inf_nan=False)
     rotations: int = Field(4, ge=1, le=64, description="rotated lists whose votes the grammar selector counts")
     query_chars: int = Field(400, ge=16, le=4000)
@@ -88,26 +88,52 @@ class TextRoles:
     def summarise(self, groups: Sequence[Group]) -> list[Summary]:
         """One summary a group, under a schema of capped lengths. Raises BadModelOutput where the schema is not met."""
         asked = [Prompt(prompts.summarise(group), self._schema, self._summary_tokens) for group in groups]
-        answers = self._engine.generate(asked)
-        self._ledger.events["summaries cut at the token cap"] += sum(a.truncated for a in answers)
+        answers = self._counted("summarise").generate(asked)
+        if cut := sum(answer.truncated for answer in answers):
+            self._ledger.events["summaries cut at the token cap"] += cut
         return [_summary(answer.text) for answer in answers]
 
     def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
         """For each task min(k, n) distinct indices of its cards, best first, whatever the order of the cards."""
+        model = self._counted("select")
         if self._config.selector == "grammar":
-            return by_number(self._engine, tasks, k, self._limits, self._config.rotations)
-        return by_relevance(self._engine, self._config.selector, tasks, k, self._limits)
+            return by_number(model, tasks, k, self._limits, self._config.rotations)
+        return by_relevance(model, self._config.selector, tasks, k, self._limits)
 
     def score(self, pairs: Sequence[tuple[str, str]]) -> Vectors:
         """(p,) float32 in [0, 1] for (query, text) pairs: the logistic function of log-odds, or of the gain in nats."""
         if not pairs:
             return np.empty(0, np.float32)
-        odds = relevance(self._engine, self._config.scorer, pairs, self._limits).astype(np.float64)
+        odds = relevance(self._counted("score"), self._config.scorer, pairs, self._limits).astype(np.float64)
         return (0.5 * (1 + np.tanh(odds / (2 * self._config.temperature)))).astype(np.float32)
 
     def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
         """The engine's own generations."""
-        return self._engine.generate(prompts)
+        return self._counted("generate").generate(prompts)
+
+    def _counted(self, role: RoleName) -> TextModel:
+        return _Counted(self._engine, self._ledger, role)
+
+
+class _Counted:
+    """The engine, with the tokens of one role counted in a ledger."""
+
+    def __init__(self, engine: TextModel, ledger: Ledger, role: RoleName) -> None:
+        self._engine, self._ledger, self._role = engine, ledger, role
+
+    def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
+        done = self._engine.generate(prompts)
+        self._count(sum(g.tokens_in for g in done), sum(g.tokens_out for g in done))
+        return done
+
+    def likelihoods(self, continuations: Sequence[Continuation]) -> list[Likelihood]:
+        found = self._engine.likelihoods(continuations)
+        self._count(sum(one.prompt + one.tokens for one in found), 0)
+        return found
+
+    def _count(self, read: int, wrote: int) -> None:
+        self._ledger.tokens_in[self._role] += read
+        self._ledger.tokens_out[self._role] += wrote
 
 
 _PARAMETERS: Mapping[RoleName, tuple[str, ...]] = {
