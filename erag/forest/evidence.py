@@ -76,6 +76,17 @@ def group(
     return Group(tuple(members), tuple(lines))
 
 
+def members_only(texts: Sequence[str], config: EvidenceConfig) -> Group:
+    """The texts of the members as they are, the first that fit into the budget."""
+    left, told = config.tokens, []
+    for text in texts:
+        excerpt = text if len(text) <= config.member_chars else text[: config.member_chars].rpartition(" ")[0]
+        if excerpt and tokens(excerpt) <= left:
+            told.append(excerpt)
+            left -= tokens(excerpt)
+    return Group(tuple(told))
+
+
 def representatives(words: Vocabulary, texts: Sequence[str], rows: IntArray, facts: Facts, count: int) -> list[int]:
     """At most `count` of the base nodes `rows`: each the one that shows most of what is common and not yet shown.
 

@@ -15,7 +15,8 @@ QUANTITIES = _words("""
 """)
 AUXILIARIES = _words("""
     is are was were be been being am has have had having do does did can could may might must shall should will would
-    there's it's
+    there's it's i'm i've i'll i'd we're we've you're they're that's what's can't couldn't won't don't doesn't didn't
+    sorry unable apologize apologise request assist assistance
 """)
 PREPOSITIONS = _words("""
     of in on at by with from to into onto near along alongside beside besides beneath under below above over across
@@ -30,7 +31,10 @@ PRONOUNS = _words("""
     once not
 """)
 
-NEGATORS = _words("no without lacks lack lacking absence devoid neither nor never not lacked n't isn't aren't cannot")
+NEGATORS = _words("""
+    no without lacks lack lacking absence devoid neither nor never not lacked n't isn't aren't cannot can't couldn't
+    don't doesn't
+""")
 SEEN = _words("visible present seen apparent evident noticeable shown observed found identifiable discernible depicted")
 CLAUSE_BREAKS = _words("but though although however while whereas yet except which who where that because if so")
 

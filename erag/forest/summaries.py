@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -18,10 +18,10 @@ from erag.forest import lexicon as lex
 from erag.forest.evidence import (
     EvidenceConfig,
     composed,
-    composed_name,
     composed_relation,
     counted,
     group,
+    members_only,
     upper,
 )
 from erag.forest.facts import Facts, cluster_facts
@@ -32,20 +32,27 @@ from erag.lm.ledger import Ledger
 from erag.lm.roles import Group, Summary
 
 STAGE = "summaries"
+_ALSO = re.compile(r"^(It) also (?=has|contains|shows)")
 _STUTTER = re.compile(r"\b(\w+)(?: \1\b)+", re.IGNORECASE)
 
 
 class SummaryConfig(BaseModel):
     """What a summariser is given, and what is kept of what it says.
 
-    `counts` adds what most members have, counted by code, after the summariser's own words. `keep` leaves clusters that
-    have a summary, such as those of a given forest, as they are.
+    `source`: `facts` are counted by code over all base nodes; `members` are the texts of the members themselves,
+    captions or summaries of the level below, as in the paper. `again` is what it is given once more where a part of its
+    answer is missing or was taken out. `check` takes out what no member supports. `counts` adds what most members have,
+    counted by code, after the summariser's own words. `keep` leaves clusters that have a summary, such as those of a
+    given forest, as they are.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+    source: Literal["facts", "members"] = "facts"
+    check: bool = True
     evidence: EvidenceConfig = EvidenceConfig()
+    again: EvidenceConfig | None = EvidenceConfig(members=1)
     counts: bool = True
-    keep: bool = False
+    keep: bool = True
     name_chars: int = Field(default=60, ge=8)
     text_chars: int = Field(default=600, ge=40, description="of the summariser's own words")
     relationships: int = Field(default=6, ge=1)
@@ -106,17 +113,36 @@ class Summaries:
         self._words = map_vocabulary(topomap)
         self._rows = {node.id: np.array([i], np.int64) for i, node in enumerate(topomap.nodes)}
         self._names: dict[str, str] = {}
+        self._said = {node.id: text for node, text in zip(topomap.nodes, self._texts, strict=True)}
 
     def level(self, clusters: Sequence[Cluster]) -> list[Cluster]:
         """`clusters` with their texts; members are nodes of the map or clusters of earlier calls."""
         asked = [self._asked(cluster) for cluster in clusters]
         spoken = [a for a in asked if a.facts.of and not self._kept(a.cluster)]
-        evidence = self._config.evidence
-        groups = [group(self._words, self._texts, a.rows, a.facts, evidence, a.parts) for a in spoken]
-        answers = dict(zip([a.cluster.id for a in spoken], self._ask(groups), strict=True))
-        done = [a.cluster if self._kept(a.cluster) else self._finished(a, answers.get(a.cluster.id)) for a in asked]
+        said = dict(zip([a.cluster.id for a in spoken], self._say(spoken), strict=True))
+        done = [a.cluster if self._kept(a.cluster) else self._finished(a, said.get(a.cluster.id)) for a in asked]
         self._names.update({c.id: c.name for c in done})
+        self._said.update({c.id: f"{c.name}: {c.summary}" for c in done})
         return done
+
+    def _say(self, asked: Sequence[_Asked]) -> list[Summary]:
+        """What a summariser says of each cluster and its members bear out; what is missing then is asked once more."""
+        evidence, again = self._config.evidence, self._config.again
+        answers = self._ask([self._group(a, evidence) for a in asked])
+        said = [self._kept_of(a, answer) for a, answer in zip(asked, answers, strict=True)]
+        missing = [i for i, s in enumerate(said) if not (s.text and s.name and s.relationships)]
+        if again is None or not missing:
+            return said
+        self._count("clusters asked again", len(missing))
+        answers = self._ask([self._group(asked[i], again) for i in missing])
+        for i, answer in zip(missing, answers, strict=True):
+            said[i] = _filled(said[i], self._kept_of(asked[i], answer))
+        return said
+
+    def _group(self, asked: _Asked, evidence: EvidenceConfig) -> Group:
+        if self._config.source == "members":
+            return members_only([self._said[m] for m in asked.cluster.members], evidence)
+        return group(self._words, self._texts, asked.rows, asked.facts, evidence, asked.parts)
 
     def _kept(self, cluster: Cluster) -> bool:
         return self._config.keep and bool(cluster.summary)
@@ -141,34 +167,40 @@ class Summaries:
         half = len(groups) // 2
         return [*self._ask(groups[:half]), *self._ask(groups[half:])]
 
-    def _finished(self, asked: _Asked, answer: Summary | None) -> Cluster:
+    def _finished(self, asked: _Asked, said: Summary | None) -> Cluster:
+        """The cluster with what was said of it; what is missing is composed from its facts, and counted."""
         cluster, facts = asked.cluster, asked.facts
         spare = composed(facts, asked.parts)
-        said = self._checked(asked, answer) if facts.of else spare
-        if not facts.of:
+        if said is None:
             self._count("clusters without any text")
+            return dataclasses.replace(
+                cluster, name=spare.name, summary=spare.text, relationships=(self._relation(asked),)
+            )
+        self._count("summaries composed from facts", not said.text)
+        self._count("names composed from facts", not said.name)
+        self._count("relationships composed from facts", not said.relationships)
         how = said.relationships or spare.relationships or (self._relation(asked),)
         text = said.text or spare.text
-        if self._config.counts and said.text and facts.of:
+        if self._config.counts and said.text:
             text = " ".join(filter(None, (said.text, counted(facts))))
-        return dataclasses.replace(cluster, name=said.name or composed_name(facts), summary=text, relationships=how)
+        return dataclasses.replace(cluster, name=said.name or spare.name, summary=text, relationships=how)
 
-    def _checked(self, asked: _Asked, answer: Summary | None) -> Summary:
-        """What is left of an answer; empty parts are what code has to compose, and are counted."""
+    def _kept_of(self, asked: _Asked, answer: Summary | None) -> Summary:
+        """What is left of an answer; parts may be empty."""
         if answer is None:
             self._count("summaries refused: not of the schema")
-            answer = Summary("", "")
+            return Summary("", "")
+        tidy = self._tidy(answer)
+        if not self._config.check:
+            return tidy
         shares = Shares(self._config.text_share, self._config.name_share)
-        checked = check(self._tidy(answer), Evidence(self._words, asked.rows, asked.facts), shares)
+        checked = check(tidy, Evidence(self._words, asked.rows, asked.facts), shares)
         self._count("statements written", checked.statements)
         self._count("unsupported statements removed", len(checked.removed))
         self._count("statements on too few members removed", len(checked.rare))
         left = checked.summary
         how = tuple(r for r in left.relationships if _relates(r))
-        self._count("summaries composed from facts", not left.text)
-        self._count("names composed from facts", not left.name)
-        self._count("relationships composed from facts", not how)
-        return dataclasses.replace(left, relationships=how)
+        return Summary(left.name, _begun(left.text), how)
 
     def _tidy(self, answer: Summary) -> Summary:
         """Within the lengths, at whole sentences, and without what is said again and again."""
@@ -188,6 +220,15 @@ class Summaries:
     def _count(self, event: str, times: int = 1) -> None:
         if times:
             self._ledger.events[event] += times
+
+
+def _filled(said: Summary, more: Summary) -> Summary:
+    return Summary(said.name or more.name, said.text or more.text, said.relationships or more.relationships)
+
+
+def _begun(text: str) -> str:
+    """`text` without a reference to a first sentence that was removed."""
+    return _ALSO.sub(r"\1 ", text, count=1)
 
 
 def _relates(relationship: str) -> bool:

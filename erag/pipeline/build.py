@@ -21,11 +21,12 @@ from erag.lm.weights import ModelStore
 from erag.memory.file import MemoryFile
 from erag.memory.generations import Generation
 from erag.pipeline.config import PipelineConfig
+from erag.pipeline.describe import Describer, spoken
 from erag.retrieve.corpus import map_texts, split_sentences
 from erag.topomap.build import build_map
 
 NOWHERE = (-1, -1)
-BUILD_VERSION = 1  # raised when the same observations and configuration give another map, text or forest
+BUILD_VERSION = 2  # raised when the same observations and configuration give another map, text or forest
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,15 @@ def build(
     _embed(backend, texts, spoken)
     clock.stage("embed")
     node_places = _places(memory, backend, texts)
-    forest, forest_lines = _forest(memory, topomap, memory.calls.read_vectors(node_places), config, given, progress)
+    describer = _describer(topomap, backend, config, progress)
+    vectors = memory.calls.read_vectors(node_places)
+    forest, forest_lines = _forest(memory, topomap, vectors, config, given, describer, progress)
     clock.stage("cluster")
+    if describer is not None:
+        forest = describer.described(forest)
+        clock.stage("summarise")
+        forest_lines += describer.report(forest)
+        clock.stage("check")
     arrays = {
         "node_places": node_places,
         "sentence_places": _places(memory, backend, spoken),
@@ -91,7 +99,9 @@ def build(
 def _resolved(config: PipelineConfig, given: bool) -> str:
     """Everything but the observations that determines map, vectors and forest, as JSON; a change means a new build."""
     build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster"}
-    return json.dumps({"build": build, "config": config.model_dump(mode="json", exclude={"retrieve"})}, sort_keys=True)
+    return json.dumps(
+        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "answer"})}, sort_keys=True
+    )
 
 
 def _map(memory: MemoryFile, config: PipelineConfig) -> tuple[TopoMap, list[str]]:
@@ -121,11 +131,26 @@ def _places(memory: MemoryFile, backend: Journal, texts: Sequence[str]) -> IntAr
     return np.array(found, np.int64).reshape(-1, 2)
 
 
+def _describer(topomap: TopoMap, backend: Journal, config: PipelineConfig, progress: Progress) -> Describer | None:
+    """None where no model plays the summariser: clusters are then judged by their nodes alone."""
+    if "summarise" not in config.backend.roles:
+        return None
+    return Describer(topomap, backend, config.summaries, progress)
+
+
 def _forest(
-    memory: MemoryFile, topomap: TopoMap, vectors: np.ndarray, config: PipelineConfig, given: bool, progress: Progress
+    memory: MemoryFile,
+    topomap: TopoMap,
+    vectors: np.ndarray,
+    config: PipelineConfig,
+    given: bool,
+    describer: Describer | None,
+    progress: Progress,
 ) -> tuple[Forest, list[str]]:
     if not given:
-        forest, report = build_forest(topomap, vectors, config.forest, progress)
+        by_summary = config.forest.cluster_embedding == "summary"
+        summaries = describer.vectors if describer is not None and by_summary else None
+        forest, report = build_forest(topomap, vectors, config.forest, progress, summaries)
         return forest, report.lines()
     clusters = memory.observations.clusters()
     if not clusters:
@@ -135,7 +160,7 @@ def _forest(
 
 
 def _summaries(memory: MemoryFile, backend: Journal, forest: Forest) -> IntArray:
-    texts = [c.summary or c.name for c in forest.clusters]
+    texts = [spoken(cluster) for cluster in forest.clusters]
     if any(texts):
         backend.embed(sorted({t for t in texts if t}), "document")
     return _places(memory, backend, texts)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from erag.core.errors import ConfigError
 from erag.forest.config import ForestConfig
+from erag.forest.summaries import SummaryConfig
 from erag.lm.config import BackendConfig
 from erag.retrieve.config import RetrieveConfig
 from erag.topomap.config import MapConfig
@@ -29,6 +30,7 @@ class PipelineConfig(BaseModel):
     backend: BackendConfig = Field(default_factory=BackendConfig)
     map: MapConfig = Field(default_factory=MapConfig)
     forest: ForestConfig = Field(default_factory=ForestConfig)
+    summaries: SummaryConfig = Field(default_factory=SummaryConfig)
     retrieve: RetrieveConfig = Field(default_factory=RetrieveConfig)
 
 

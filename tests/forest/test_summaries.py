@@ -24,7 +24,8 @@ from erag.memory.file import MemoryFile
 
 PARK = "A pond lies in the park, with benches along the path. It is autumn."
 STREET = 'Parked cars along the street. A sign reads "No Parking". Tall trees.'
-PLAIN = SummaryConfig(counts=False)
+PLAIN = SummaryConfig(counts=False, again=None)
+ONCE = SummaryConfig(again=None)
 TRUE = Summary("Street with cars", "Cars are parked along the street. There are trees.", ("Cars along street",))
 TEXTS = (*[PARK] * 4, *[STREET] * 4, None)
 
@@ -68,7 +69,7 @@ def by_id(forest: Forest) -> dict[str, Cluster]:
 
 def test_every_cluster_is_described_level_by_level(topomap: TopoMap, forest: Forest) -> None:
     speaker, seen = Speaker(), []
-    done = summarise_forest(topomap, forest, speaker, progress=lambda *p: seen.append(p))
+    done = summarise_forest(topomap, forest, speaker, ONCE, progress=lambda *p: seen.append(p))
     assert all(c.name and c.summary and c.relationships for c in done.clusters)
     assert [len(call) for call in speaker.calls] == [2, 1, 1]  # one call a level; nothing is asked of the void
     assert seen == [("summaries", n, 5) for n in (0, 3, 4, 5)]
@@ -79,7 +80,7 @@ def test_every_cluster_is_described_level_by_level(topomap: TopoMap, forest: For
 
 def test_upper_levels_speak_of_all_base_nodes_below(topomap: TopoMap, forest: Forest) -> None:
     speaker = Speaker()
-    config = SummaryConfig(evidence=EvidenceConfig(parts=6, counts=True))
+    config = SummaryConfig(evidence=EvidenceConfig(parts=6, counts=True), again=None)
     summarise_forest(topomap, forest, speaker, config)
     (both,), (root,) = speaker.calls[1:]
     assert "of 7 views" in both.facts[0]
@@ -90,7 +91,7 @@ def test_upper_levels_speak_of_all_base_nodes_below(topomap: TopoMap, forest: Fo
 def test_numbers_are_told_by_code(topomap: TopoMap, forest: Forest) -> None:
     words = map_vocabulary(topomap)
     street = cluster_facts(words, np.arange(4, 7))
-    done, plain = (by_id(summarise_forest(topomap, forest, Speaker(), c)) for c in (None, PLAIN))
+    done, plain = (by_id(summarise_forest(topomap, forest, Speaker(), c)) for c in (ONCE, PLAIN))
     assert done["street"].summary == f"{TRUE.text} {counted(street)}"
     assert plain["street"].summary == TRUE.text
     assert "in 3 of 3 views" in done["street"].summary
@@ -114,9 +115,38 @@ def test_unsupported_statements_are_removed_and_counted(topomap: TopoMap, forest
     assert ledger.events["clusters without any text"] == 1
 
 
+def test_what_is_missing_is_asked_once_more_with_another_view(topomap: TopoMap, forest: Forest) -> None:
+    class Second(Speaker):
+        def _of(self, group: Group) -> Summary:
+            return TRUE if group.texts else Summary("A beach", "Cars are parked.", ())
+
+    speaker, ledger = Second(), Ledger()
+    done = by_id(summarise_forest(topomap, forest, speaker, SummaryConfig(counts=False), ledger))
+    street = done["street"]
+    assert (street.name, street.summary, street.relationships) == (TRUE.name, "Cars are parked.", TRUE.relationships)
+    assert ledger.events["clusters asked again"] == 4
+    assert [bool(group.texts) for call in speaker.calls for group in call] == [False, False, True, True] + [
+        False,
+        True,
+    ] * 2
+    assert ledger.events["names composed from facts"] == 1  # the park has neither cars nor a street
+
+
+def test_the_papers_summaries_rest_on_member_texts_and_are_not_checked(topomap: TopoMap, forest: Forest) -> None:
+    speaker = Speaker(Summary("City of Dreams", "A beach lies by the sea.", ()))
+    config = SummaryConfig(source="members", check=False, counts=False, again=None)
+    done = by_id(summarise_forest(topomap, forest, speaker, config))
+    (park, street), (both,), _ = speaker.calls
+    assert park.texts == (PARK,) * 4
+    assert not park.facts
+    assert both.texts == ("City of Dreams: A beach lies by the sea.",) * 2
+    assert done["street"].summary == "A beach lies by the sea."
+    assert done["street"].relationships == ()
+
+
 def test_what_one_view_shows_is_not_said_of_the_whole(topomap: TopoMap, forest: Forest) -> None:
     ledger = Ledger()
-    config = SummaryConfig(counts=False, name_share=0.6)
+    config = SummaryConfig(counts=False, again=None, name_share=0.6)
     done = by_id(summarise_forest(topomap, forest, Speaker(), config, ledger))
     assert done["street"].name == TRUE.name
     assert done["both"].name != TRUE.name  # three of its seven views show a street
@@ -155,7 +185,7 @@ def test_given_summaries_can_be_kept(topomap: TopoMap, forest: Forest) -> None:
     emptied = by_id(first) | {"both": by_id(forest)["both"]}
     half = Forest(forest.leaves, tuple(emptied.values()), forest.parent, forest.level, forest.embeddings)
     speaker = Speaker(Summary("Trees", "Trees.", ("Cars along street",)))
-    again = by_id(summarise_forest(topomap, half, speaker, SummaryConfig(keep=True, counts=False)))
+    again = by_id(summarise_forest(topomap, half, speaker, PLAIN))
     assert [len(call) for call in speaker.calls] == [1]
     assert again["both"].summary == "Trees."
     assert all(again[i] == c for i, c in by_id(first).items() if i != "both")
@@ -244,11 +274,11 @@ def test_a_second_run_asks_nothing_again(topomap: TopoMap, forest: Forest, memor
         return Journal(compose({"m": Once(FakeConfig(call_size=1))}, Roles({"summarise": "m"})), memory.calls)
 
     with pytest.raises(ModelError):
-        summarise_forest(topomap, forest, journal())
+        summarise_forest(topomap, forest, journal(), ONCE)
     Once.asked = 1  # room for what is still missing, and for nothing else
-    done = summarise_forest(topomap, forest, journal())
+    done = summarise_forest(topomap, forest, journal(), ONCE)
     Once.asked = 9
-    assert summarise_forest(topomap, forest, journal()).clusters == done.clusters
+    assert summarise_forest(topomap, forest, journal(), ONCE).clusters == done.clusters
 
 
 @pytest.mark.parametrize(

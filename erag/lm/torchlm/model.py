@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -167,10 +167,9 @@ class TorchLM:
             return FreeWriter(loaded.vocabulary.ends, prompt.max_tokens)
         return JsonWriter(compile_schema(prompt.schema), loaded.lexicon, prompt.max_tokens)
 
-    def _count(self, writers: Iterable[Writer]) -> None:
-        for writer in writers:
-            self._ledger.events[CUT_TEXTS] += writer.truncated
-            self._ledger.events[CUT_STRINGS] += writer.cut
+    def _count(self, writers: Collection[Writer]) -> None:
+        cut = [(CUT_TEXTS, sum(w.truncated for w in writers)), (CUT_STRINGS, sum(w.cut for w in writers))]
+        self._ledger.events.update({event: times for event, times in cut if times})
 
     def _load(self) -> _Loaded:
         if self._loaded is None:

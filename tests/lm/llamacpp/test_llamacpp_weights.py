@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from erag.bench.throughput import ThroughputBench, run
 from erag.core.errors import BadModelOutput, ModelError
 from erag.lm.llamacpp.backend import LlamaCpp
 from erag.lm.llamacpp.config import LlamaCppConfig
@@ -212,17 +211,3 @@ def test_messages_are_immutable_keys(smol: LlamaCpp) -> None:
     same = dataclasses.replace(first, seed=7)
     one, two = smol.generate([first, same])
     assert one == two
-
-
-def test_the_benchmark_compares_with_one_plain_stream(gguf: ModelStore, smol: LlamaCpp, cache: Path) -> None:
-    config = ThroughputBench(weights=("shipped",), prompts=(1, 3), answer=4, characters=40, repeats=1, threads=1)
-    rows = list(run(config, gguf, cache=cache, others={"other": smol}))
-    assert [(row.engine, row.prompts) for row in rows] == [
-        ("plain stream", 1),
-        ("llamacpp shipped", 1),
-        ("llamacpp shipped", 3),
-        ("other", 1),
-        ("other", 3),
-    ]
-    assert (rows[0].prefill_ratio, rows[0].decode_ratio) == (1, 1)
-    assert all(row.cpu.prefill > 0 and row.wall.prefill > 0 for row in rows)

@@ -1,0 +1,48 @@
+"""What a build has written about its clusters: names, summaries and relationships, and how good they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from erag.core.progress import Progress
+from erag.core.types import Cluster, Forest, TopoMap
+from erag.forest.quality import forest_quality
+from erag.forest.summaries import Summaries, SummaryConfig, summarise_forest
+from erag.lm.journal import Journal
+from erag.lm.roles import Vectors
+
+
+class Describer:
+    """Describes clusters with the summariser of a backend; behind its journal nothing is asked twice."""
+
+    def __init__(self, topomap: TopoMap, backend: Journal, config: SummaryConfig, progress: Progress) -> None:
+        self._topomap, self._backend, self._config, self._progress = topomap, backend, config, progress
+        self._levels: Summaries | None = None
+        self._done: dict[str, Cluster] = {}
+
+    def vectors(self, clusters: Sequence[Cluster]) -> Vectors:
+        """(k, d) the embedded summaries of the new clusters of a level, described here (see `build_forest`)."""
+        if self._levels is None:
+            self._levels = Summaries(self._topomap, self._backend, self._config, self._backend.ledger)
+        described = self._levels.level(clusters)
+        self._done.update({cluster.id: cluster for cluster in described})
+        return self._backend.embed([spoken(cluster) for cluster in described], "document")
+
+    def described(self, forest: Forest) -> Forest:
+        """`forest` with the texts of all its clusters."""
+        if self._done:
+            return replace(forest, clusters=tuple(self._done[cluster.id] for cluster in forest.clusters))
+        return summarise_forest(
+            self._topomap, forest, self._backend, self._config, self._backend.ledger, self._progress
+        )
+
+    def report(self, forest: Forest) -> list[str]:
+        """A line a level: how many of its clusters are described, and how well."""
+        found = forest_quality(self._topomap, forest, self._config.evidence.facts)
+        return ["summaries", *(f"  level {level}: {quality.line()}" for level, quality in found.items())]
+
+
+def spoken(cluster: Cluster) -> str:
+    """What stands for a cluster in searches: its summary, else its name."""
+    return cluster.summary or cluster.name
