@@ -51,6 +51,11 @@ def words(text: str) -> list[str]:
     return [w.lower() for w in _WORD.findall(text)]
 
 
+def word_set(text: str) -> frozenset[str]:
+    """The words of a list written as one text: how closed vocabularies are written down."""
+    return frozenset(text.split())
+
+
 def name_words(name: str) -> str:
     """A name as words: `fireExtinguisher_wallMount_15` becomes `fire extinguisher wall mount`.
 

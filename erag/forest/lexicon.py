@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
+from erag.core.text import word_set as _words
 
 DETERMINERS = _words("a an the this that these those its their his her our your my each every any some another")
 QUANTITIES = _words("""

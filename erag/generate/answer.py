@@ -1,22 +1,28 @@
-"""Hits to an answer, by code alone: where to go, how to get there, and what was seen, quoted."""
+"""Hits to an answer: where to go and why, or a text; waypoints, routes and numbers always by code."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from erag.core.text import sentences, words
 from erag.core.types import Answer, Hit, Pose, Query, QueryKind, Route, Waypoint
-from erag.lm.roles import Vectors
+from erag.forest.support import Evidence
+from erag.generate.asking import borne_out, explain_prompt, read, reason_prompt
+from erag.generate.config import AnswerConfig
+from erag.generate.focus import Focus, counts
+from erag.generate.kind import decide_kind
+from erag.generate.scope import Scopes
+from erag.generate.sufficiency import Sufficiency
+from erag.generate.views import View, Views
+from erag.lm.ledger import Ledger
+from erag.lm.roles import Generation, Prompt, TextKind, Vectors
 from erag.retrieve.corpus import Corpus
 
 NOTHING = "Not in this memory."
-QUOTED = 5  # places an explanation quotes
-_EXPLAIN_WORDS = frozenset({"what", "which", "how", "why", "describe", "explain", "summarise", "summarize", "compare"})
-_FIND_PAIRS = (("where", "is"), ("where", "are"), ("where", "can"), ("where", "could"), ("take", "me"), ("i", "want"))
+Eligible = npt.NDArray[np.bool_]
 
 
 class Routes(Protocol):
@@ -27,30 +33,45 @@ class Routes(Protocol):
         ...
 
 
-def decide_kind(query: Query) -> QueryKind:
-    """`query.kind`, or where it is absent what its words ask for: a place to go, or a text."""
-    if query.kind is not None:
-        return query.kind
-    spoken = words(query.text or "")
-    if not spoken or any(pair in pairwise(spoken) for pair in _FIND_PAIRS):
-        return "find"
-    return "explain" if spoken[0] in _EXPLAIN_WORDS else "find"
+class Writer(Protocol):
+    """The part of an `LMBackend` that is used here."""
+
+    def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors: ...
+
+    def generate(self, prompts: Sequence[Prompt]) -> list[Generation]: ...
 
 
 class Answerer:
-    """Answers over one corpus."""
+    """Answers over one corpus. `writer` writes what the configuration leaves to a language model."""
 
-    def __init__(self, corpus: Corpus, routes: Routes) -> None:
-        self._corpus, self._routes = corpus, routes
+    def __init__(
+        self,
+        corpus: Corpus,
+        routes: Routes,
+        config: AnswerConfig | None = None,
+        writer: Writer | None = None,
+        ledger: Ledger | None = None,
+    ) -> None:
+        self._corpus, self._routes, self._writer = corpus, routes, writer
+        self._config, self._ledger = config or AnswerConfig(), ledger or Ledger()
+        self._scopes, self._enough, self._views = Scopes(corpus), Sufficiency(corpus), Views(corpus)
+        self._focus = Focus(corpus, lambda texts: self._writing.embed(texts, "document"))
 
-    def answer(self, query: Query, vector: Vectors, hits: Sequence[Hit]) -> Answer:
-        """The answer to `query`, whose text has the vector (d,), from its hits, best first."""
+    def answer(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
+        """The answer to `query`, whose text has the vector (d,), from its hits, best first.
+
+        `eligible` (n,) are the nodes that may answer it. Raises BadModelOutput for a text that is not of its schema.
+        """
         kind = decide_kind(query)
         if not hits:
             return Answer(kind, NOTHING, reason="no observation fits the question and its conditions")
-        if kind == "explain":
-            return self._explain(vector, hits)
-        return self._find(query, vector, hits)
+        if query.text is not None and self._too_little(kind, query.text, vector, eligible):
+            return Answer(kind, NOTHING, reason="nothing that was seen comes near to what is asked for")
+        return self._find(query, vector, hits) if kind == "find" else self._explain(query, vector, hits, eligible)
+
+    def _too_little(self, kind: QueryKind, text: str, vector: Vectors, eligible: Eligible) -> bool:
+        least = self._config.least_evidence if kind == "find" else self._config.least_explained
+        return least > 0 and self._enough.evidence(text, vector, eligible) < least
 
     def _find(self, query: Query, vector: Vectors, hits: Sequence[Hit]) -> Answer:
         best = hits[0]
@@ -62,24 +83,55 @@ class Answerer:
         waypoint = Waypoint(best.node, self._corpus.topomap.frame, best.position, node.pose.yaw)
         return Answer("find", text, self._reason(query, row, vector), waypoint, route, (best.node,))
 
-    def _explain(self, vector: Vectors, hits: Sequence[Hit]) -> Answer:
-        quoted = hits[:QUOTED]
-        lines = [f"[{h.node}] {self._quote(self._corpus.topomap.row[h.node], vector)}" for h in quoted]
-        reason = f"what {len(quoted)} of {int(self._corpus.searchable.sum())} views say"
-        return Answer("explain", "\n".join(lines), reason, evidence=tuple(h.node for h in quoted))
-
     def _reason(self, query: Query, row: int, vector: Vectors) -> str:
         if query.text is None:
             return "the nearest place that " + ("fits the readings best" if query.sensors else "the memory knows")
-        return f'it was described as: "{self._quote(row, vector)}"'
+        quote = f'it was described as: "{self._corpus.quote(row, vector)}"'
+        if self._config.reason == "quote":
+            return quote
+        view = self._corpus.texts[row]
+        (written,) = self._writing.generate([reason_prompt(query.text, view, self._config.reason_chars)])
+        said, removed = borne_out(read(written.text, "reason"), Evidence.of_texts([view]))
+        self._count("unsupported sentences of answers removed", removed)
+        self._count("reasons quoted instead of written", not said)
+        return f"{said} {quote[:1].upper()}{quote[1:]}" if said else quote
 
-    def _quote(self, row: int, vector: Vectors) -> str:
-        """The sentence of a node that comes closest to the question."""
-        spoken = sentences(self._corpus.texts[row])
-        first, last = np.searchsorted(self._corpus.sentence_rows, [row, row + 1])
-        if not spoken or len(spoken) != last - first:
-            return self._corpus.texts[row]
-        return spoken[int((self._corpus.sentence_vectors[first:last] @ vector).argmax())]
+    def _explain(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
+        if self._config.explain == "written" and query.text is not None:
+            return self._written(query, query.text, vector, hits, eligible)
+        rows = [self._corpus.topomap.row[hit.node] for hit in hits]
+        views = [View(self._corpus.quote(row, vector), row) for row in rows]
+        reason = f"what {len(views)} of {int(self._corpus.searchable.sum()):,} views say"
+        return self._explained("", views, reason)
+
+    def _written(self, query: Query, text: str, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
+        """What the generator says of views and counts, less what no view bears out; then counts and quotes by code."""
+        scope, config = self._scopes.of(query, hits, eligible), self._config
+        facts = self._focus.facts(vector, scope.rows, config.facts, config.least_share)
+        views, counted = self._views.of(vector, scope.rows, config.views), counts(facts)
+        prompt = explain_prompt(text, [view.text for view in views], counted.rstrip("."), config.explain_chars)
+        (written,) = self._writing.generate([prompt])
+        said, removed = borne_out(read(written.text, "answer"), Evidence(self._focus.words, scope.rows, facts))
+        self._count("unsupported sentences of answers removed", removed)
+        self._count("explanations told by views and numbers alone", not said)
+        where = f"the region {scope.name!r}" if scope.name else "the whole map"
+        told = " ".join(filter(None, (said, counted)))
+        return self._explained(told, views[: config.quoted], f"from {len(scope.rows):,} views of {where}")
+
+    def _explained(self, said: str, views: Sequence[View], reason: str) -> Answer:
+        ids = tuple(self._corpus.topomap.nodes[view.row].id for view in views)
+        quotes = (f'[{node}] "{view.text}"' for node, view in zip(ids, views, strict=True))
+        return Answer("explain", "\n".join(filter(None, (said, *quotes))), reason, evidence=tuple(dict.fromkeys(ids)))
+
+    @property
+    def _writing(self) -> Writer:
+        if self._writer is None:
+            raise ValueError("this configuration asks a language model, and the answerer was given none")
+        return self._writer
+
+    def _count(self, event: str, times: int) -> None:
+        if times:
+            self._ledger.events[event] += times
 
 
 def _way(route: Route) -> str:

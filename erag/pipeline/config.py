@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from erag.core.errors import ConfigError
 from erag.forest.config import ForestConfig
 from erag.forest.summaries import SummaryConfig
+from erag.generate.config import AnswerConfig
 from erag.lm.config import BackendConfig
 from erag.retrieve.config import RetrieveConfig
 from erag.topomap.config import MapConfig
@@ -32,6 +33,7 @@ class PipelineConfig(BaseModel):
     forest: ForestConfig = Field(default_factory=ForestConfig)
     summaries: SummaryConfig = Field(default_factory=SummaryConfig)
     retrieve: RetrieveConfig = Field(default_factory=RetrieveConfig)
+    answer: AnswerConfig = Field(default_factory=AnswerConfig)
 
 
 def presets() -> dict[str, Path]:

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from erag.core.errors import InputError, MemoryFileError
+from erag.core.errors import BadModelOutput, InputError, MemoryFileError
 from erag.core.geometry import distance
 from erag.core.output import replacing
-from erag.core.types import Query
+from erag.core.types import Query, QueryKind
 from erag.data.contract import QueryLine, Result, parse_query, result_line
 from erag.generate.answer import Answerer
+from erag.generate.kind import decide_kind
 from erag.lm.config import build_backend
 from erag.lm.ledger import Ledger
-from erag.lm.roles import Vectors
+from erag.lm.metered import Metered
+from erag.lm.roles import LMBackend, Prompt, RoleName, SelectTask, Vectors
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
 from erag.pipeline.load import Built, load
+from erag.retrieve.config import TreeConfig
 from erag.retrieve.engine import Retriever
 from erag.topomap.routes import Router
 
@@ -28,15 +31,16 @@ class Asker:
     """A memory that answers: its corpus, retriever, routes and models, loaded once."""
 
     def __init__(self, path: Path, config: PipelineConfig, store: ModelStore) -> None:
-        self.path = path
+        self.path, self._config = path, config
         built = load(path)
-        self.ledger, self._warm = Ledger(), False
-        self._backend = build_backend(config.backend, store, self.ledger)
+        self.ledger = Ledger()
+        self._backend = Metered(build_backend(config.backend, store, self.ledger), self.ledger)
+        self._warm: set[RoleName] = set()
         _check_embedder(path, built, self._backend.identity("embed"))
         self.corpus, self.notes = built.corpus, built.stale
         router = Router(self.corpus.topomap)
-        self._retriever = Retriever(self.corpus, config.retrieve, router, built.sensors)
-        self._answerer = Answerer(self.corpus, router)
+        self._retriever = Retriever(self.corpus, config.retrieve, router, built.sensors, self._backend)
+        self._answerer = Answerer(self.corpus, router, config.answer, self._backend, self.ledger)
 
     def ground(self, x: float, y: float) -> float:
         """Height of the node nearest to (x, y): what a position given without a height stands on."""
@@ -45,38 +49,67 @@ class Asker:
         return float(topomap.positions[distance(topomap.frame, flat, (x, y, 0)).argmin(), 2])
 
     def ask(self, query: Query) -> Result:
-        """Hits and answer of one query. Raises InputError for a query that cannot be asked of this memory."""
-        if query.text is not None and not self._warm:
-            self.warm_up()
-        start, calls = time.perf_counter(), self.ledger.calls["embed"]
+        """Hits and answer of one query.
+
+        Raises InputError for a query that cannot be asked of this memory, BadModelOutput for a model's bad answer.
+        """
+        if query.text is not None:
+            self.warm_up(decide_kind(query))
+        start, calls = time.perf_counter(), self.ledger.calls.copy()
         vector = self._vector(query)
         found = self._retriever.retrieve([query], vector[None, :])[0]
-        answer = self._answerer.answer(query, vector, found.hits)
+        answer = self._answerer.answer(query, vector, found.hits, self._retriever.eligible(query))
         seconds = time.perf_counter() - start
-        made = {"embed": self.ledger.calls["embed"] - calls}
+        made = dict(self.ledger.calls - calls)
         return Result(query.id, found.hits, answer, seconds, found.visited, made, (*self.notes, *found.notes))
 
     def ask_lines(self, lines: Iterable[QueryLine], top: int) -> Iterator[Result]:
-        """One result a line, in order; a line that cannot be asked has `error` and no hits.
+        """One result a line, in order; a line that cannot be asked or answered has `error` and no hits.
 
         Raises ModelError when the models cannot be loaded, whatever the lines.
         """
         for line in lines:
             try:
                 yield self.ask(parse_query(line, top, self.ground))
-            except InputError as error:
+            except (InputError, BadModelOutput) as error:
                 yield Result(line.id, error=error.line())
 
-    def warm_up(self) -> None:
-        """Load the models, so that the first query's seconds are those of any other."""
-        self._backend.embed(["warm up"], "query")
-        self._warm = True
+    def warm_up(self, *kinds: QueryKind) -> None:
+        """Load the models these kinds of query need, so that the first query's seconds are those of any other."""
+        calls, counted = self.ledger.calls.copy(), self.ledger.seconds.copy()
+        for role in self._roles(*kinds) - self._warm:
+            _CALLS[role](self._backend)
+            self._warm.add(role)
+        self.ledger.calls, self.ledger.seconds = calls, counted
+
+    def _roles(self, *kinds: QueryKind) -> set[RoleName]:
+        """The roles that queries of these kinds call."""
+        retrieve, answer = self._config.retrieve, self._config.answer
+        judged = isinstance(retrieve.retriever, TreeConfig) and retrieve.retriever.judge is not None
+        written = (answer.reason == "written" and "find" in kinds) or (
+            answer.explain == "written" and "explain" in kinds
+        )
+        called: list[tuple[RoleName, bool]] = [
+            ("embed", True),
+            ("generate", written or retrieve.expand is not None),
+            ("select", judged),
+            ("score", retrieve.rescore is not None),
+        ]
+        return {role for role, is_called in called if is_called}
 
     def _vector(self, query: Query) -> Vectors:
         if query.text is None or not self.corpus.searchable.any():
             return np.zeros(self.corpus.node_vectors.shape[1], np.float32)
-        self.ledger.calls["embed"] += 1
         return np.asarray(self._backend.embed([query.text], "query")[0])
+
+
+_WARM = "warm up"
+_CALLS: Mapping[RoleName, Callable[[LMBackend], object]] = {
+    "embed": lambda backend: backend.embed([_WARM], "query"),
+    "generate": lambda backend: backend.generate([Prompt((("user", _WARM),), max_tokens=1)]),
+    "select": lambda backend: backend.select([SelectTask(_WARM, ("one", "two"))], 1),
+    "score": lambda backend: backend.score([(_WARM, "one")]),
+}
 
 
 def _check_embedder(path: Path, built: Built, identity: str) -> None:

@@ -49,6 +49,17 @@ class FusionConfig(_Config):
 FlatConfig = Annotated[NodeConfig | SentenceConfig | Bm25Config | FusionConfig, Field(discriminator="kind")]
 
 
+class JudgeConfig(_Config):
+    """A language model decides which clusters are opened: it reads a card of each candidate and selects.
+
+    A card is a cluster's name and summary, a leaf's text; with `evidence` also the sentence below a cluster that comes
+    closest to the query. `shortlist`: how many candidates of a decision it is shown, the best by score; None for all.
+    """
+
+    evidence: bool = True
+    shortlist: Annotated[int, Field(ge=1)] | None = 8
+
+
 class TreeConfig(_Config):
     """Descent through the forest: of the clusters below each opened cluster the best `branches` are opened next.
 
@@ -56,7 +67,8 @@ class TreeConfig(_Config):
     query): 0 is the paper's descent through summaries, 1 cannot lose the best leaf. `cluster_embedding` says what a
     cluster is like: the vector of its `summary` (of its `mean` where it has none), or always the `mean` of its nodes.
     `leaves` says which leaves below an opened cluster are scored: `all`, or as in the paper the `best` `branches`,
-    chosen together with the clusters beside them. `scores` gives the leaves their scores.
+    chosen together with the clusters beside them. `scores` gives the leaves their scores. With `judge` a language model
+    decides instead of the scores.
     """
 
     kind: Literal["tree"] = "tree"
@@ -65,11 +77,32 @@ class TreeConfig(_Config):
     scores: FlatConfig = Field(default_factory=FusionConfig)
     cluster_embedding: Literal["summary", "mean"] = "summary"
     leaves: Literal["all", "best"] = "all"
+    judge: JudgeConfig | None = None
 
 
 RetrieverConfig = Annotated[
     NodeConfig | SentenceConfig | Bm25Config | FusionConfig | TreeConfig, Field(discriminator="kind")
 ]
+
+
+class RescoreConfig(_Config):
+    """A language model scores what was found (paper, phase 2): (1 - `weight`) × score + `weight` × its score.
+
+    Of each query the best `pool` leaves are scored and the others dropped; None scores all.
+    """
+
+    pool: Annotated[int, Field(ge=1)] | None = 10
+    weight: Share = 0.5
+
+
+class ExpandConfig(_Config):
+    """A language model says what would satisfy a query, at most `things`, and that is searched for too.
+
+    score = (1 - `weight`) × score of the query + `weight` × score of what the model named.
+    """
+
+    weight: Share = 0.5
+    things: Annotated[int, Field(ge=1, le=12)] = 5
 
 
 class RetrieveConfig(_Config):
@@ -81,6 +114,8 @@ class RetrieveConfig(_Config):
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)
+    expand: ExpandConfig | None = None
+    rescore: RescoreConfig | None = None
     alpha_rank: Share = 0.1
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3

@@ -52,3 +52,11 @@ class Corpus:
     def visible(self) -> npt.NDArray[np.bool_]:
         """(n,) bool: nodes with a text or an image, which can be a hit of a query that only says where."""
         return self.searchable | np.array([node.image is not None for node in self.topomap.nodes], np.bool_)
+
+    def quote(self, row: int, vector: Vectors) -> str:
+        """The sentence of a node that comes closest to a query's vector (d,); its whole text where it has but one."""
+        spoken = sentences(self.texts[row])
+        first, last = np.searchsorted(self.sentence_rows, [row, row + 1])
+        if not spoken or len(spoken) != last - first:
+            return self.texts[row]
+        return spoken[int((self.sentence_vectors[first:last] @ vector).argmax())]

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import cast
 
 import numpy as np
 
-from erag.core.errors import InputError
+from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import spatial_similarity
 from erag.core.types import Frame, Hit, IntArray, Query, Range
-from erag.lm.roles import Vectors
+from erag.lm.roles import LMBackend, Vectors
 from erag.retrieve.bm25 import Bm25Scorer
 from erag.retrieve.config import Bm25Config, FlatConfig, FusionConfig, NodeConfig, RetrieveConfig, TreeConfig
 from erag.retrieve.corpus import Corpus
+from erag.retrieve.expand import ExpandedScorer, Expander
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.fusion import FusionScorer
+from erag.retrieve.judge import ModelJudge, Shortlisted
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
+from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, FlatSearch, LeafScorer, Mask, Reached, Search, best_first
 from erag.retrieve.tree import ClusterJudge, TreeSearch
 
+Decide = Callable[[ClusterJudge], ClusterJudge]  # the judge that follows the scores -> the judge that decides
 _BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) arrays
 
 
@@ -44,6 +50,14 @@ class _Ranked:
     on_edges: Mask | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """What was reached for a query, and what else was searched for."""
+
+    reached: Reached
+    things: tuple[str, ...] = ()
+
+
 def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
     """The flat retriever a configuration asks for."""
     if isinstance(config, NodeConfig):
@@ -59,8 +73,8 @@ def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
 class Retriever:
     """Answers queries over one corpus. Indexes are made once, here.
 
-    `router` measures distances (straight lines without one), `sensors` holds the declared range of each channel, and
-    `judge` takes the decisions of a tree instead of the scores.
+    `router` measures distances (straight lines without one), `sensors` holds the declared range of each channel;
+    `backend` plays the roles a configuration gives to language models. `judge` takes the decisions of a tree instead.
     """
 
     def __init__(
@@ -69,12 +83,17 @@ class Retriever:
         config: RetrieveConfig,
         router: Distances | None = None,
         sensors: Mapping[str, Range] | None = None,
+        backend: LMBackend | None = None,
         judge: ClusterJudge | None = None,
     ) -> None:
         if corpus.forest.leaves != tuple(node.id for node in corpus.topomap.nodes):
             raise ValueError("the leaves of the forest are not the nodes of the map")
         self._corpus, self._config = corpus, config
-        self._search = _search(corpus, config, judge)
+        if backend is None and _asks_models(config):
+            raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
+        self._search = _search(corpus, config, _decider(corpus, config, backend, judge))
+        self._expander = Expander(backend, config.expand) if backend and config.expand else None
+        self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None
         self._distances = router or StraightLines(corpus.topomap)
         self._times, self._sensors = Times.of(corpus.topomap), Sensors(corpus.topomap, sensors or {})
         self._theta = auto_theta(corpus.topomap) if config.theta_rank == "auto" else config.theta_rank
@@ -90,7 +109,7 @@ class Retriever:
         for query in queries:
             _check(query, self._corpus.topomap.frame)
         spoken = [i for i, query in enumerate(queries) if _asks_text(query)]
-        reached: dict[int, Reached] = {}
+        reached: dict[int, _Read] = {}
         for start in range(0, len(spoken), _BLOCK):
             block = spoken[start : start + _BLOCK]
             reached.update(zip(block, self._reach([queries[i] for i in block], vectors[block]), strict=True))
@@ -106,31 +125,40 @@ class Retriever:
             if _asks_text(query) and not vector.any():
                 raise ValueError(f"the text {query.text!r} came without a vector")
 
-    def _reach(self, queries: Sequence[Query], vectors: Vectors) -> list[Reached]:
+    def _reach(self, queries: Sequence[Query], vectors: Vectors) -> list[_Read]:
         if not self._corpus.searchable.any():
-            return [Reached(np.empty(0, np.int64), np.empty(0, np.float32), 0) for _ in queries]
+            return [_Read(Reached(np.empty(0, np.int64), np.empty(0, np.float32), 0)) for _ in queries]
         batch = Batch(tuple(query.text or "" for query in queries), vectors)
-        return self._search.search(batch, np.stack([self._eligible(query) for query in queries]))
+        things: list[tuple[str, ...]] = [()] * len(queries)
+        if self._expander is not None:
+            batch, things = self._expander.expanded(batch)
+        found = self._search.search(batch, np.stack([self.eligible(query) for query in queries]))
+        if self._rescorer is not None:
+            found = self._rescorer.rescored(batch, found, max(query.top for query in queries))
+        return [_Read(reached, named) for reached, named in zip(found, things, strict=True)]
 
     def _askable(self, query: Query) -> Mask:
         """(n,) bool: nodes with what the query looks at, whenever they were observed."""
         return self._corpus.searchable if _asks_text(query) else self._corpus.visible
 
-    def _eligible(self, query: Query) -> Mask:
+    def eligible(self, query: Query) -> Mask:
+        """(n,) bool: nodes that may be a hit of the query: with a text, and inside its time window."""
         if query.since is None and query.until is None:
             return self._askable(query)
         return self._askable(query) & self._times.within(query.since, query.until)
 
-    def _found(self, query: Query, reached: Reached | None) -> Found:
-        if reached is None:
-            rows = np.flatnonzero(self._eligible(query))
+    def _found(self, query: Query, read: _Read | None) -> Found:
+        if read is None:
+            rows = np.flatnonzero(self.eligible(query))
             ranked, visited = self._rank(query, rows, None), len(rows)
         else:
+            reached = read.reached
             order = best_first(reached.scores, reached.rows)[: max(self._config.pool, query.top)]
             semantic = reached.scores[order].astype(np.float64)
             ranked, visited = self._rank(query, reached.rows[order], semantic), reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
-        return Found(hits, visited, (*self._map_notes(query, bool(hits)), *_hit_notes(query, ranked)))
+        looked = [f"also looked for: {', '.join(read.things)}"] if read and read.things else []
+        return Found(hits, visited, (*looked, *self._map_notes(query, bool(hits)), *_hit_notes(query, ranked)))
 
     def _rank(self, query: Query, rows: IntArray, semantic: Floats | None) -> _Ranked:
         """The best `top` of candidates `rows` (r,); equal scores go by distance, where it counts, then by row."""
@@ -176,16 +204,37 @@ class Retriever:
         elif not askable.any():
             reason = "no node of this map has a text" if _asks_text(query) else "no node of this map shows anything"
         else:
-            inside = self._eligible(query).any()
+            inside = self.eligible(query).any()
             reason = "no text shares a word with the query" if inside else "nothing was observed in the time window"
         return [*notes, reason]
 
 
-def _search(corpus: Corpus, config: RetrieveConfig, judge: ClusterJudge | None) -> Search:
+def _search(corpus: Corpus, config: RetrieveConfig, decide: Decide | None) -> Search:
     kind = config.retriever
+    scorer = leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind)
+    if config.expand is not None:
+        scorer = ExpandedScorer(scorer, config.expand.weight)
     if isinstance(kind, TreeConfig):
-        return TreeSearch(corpus, kind, leaf_scorer(corpus, kind.scores), judge)
-    return FlatSearch(leaf_scorer(corpus, kind), int(corpus.searchable.sum()))
+        return TreeSearch(corpus, kind, scorer, decide)
+    return FlatSearch(scorer, int(corpus.searchable.sum()))
+
+
+def _decider(
+    corpus: Corpus, config: RetrieveConfig, backend: LMBackend | None, judge: ClusterJudge | None
+) -> Decide | None:
+    """Who decides in a tree in place of the judge that follows the scores; None where that one does."""
+    asked = config.retriever.judge if isinstance(config.retriever, TreeConfig) else None
+    if judge is None and (asked is None or backend is None):
+        return None
+    model = judge or ModelJudge(corpus, cast(LMBackend, backend), asked is not None and asked.evidence)
+    if asked is None or asked.shortlist is None:
+        return lambda _: model
+    return partial(Shortlisted, then=model, shortlist=asked.shortlist)
+
+
+def _asks_models(config: RetrieveConfig) -> bool:
+    judged = isinstance(config.retriever, TreeConfig) and config.retriever.judge is not None
+    return judged or config.expand is not None or config.rescore is not None
 
 
 def _asks_text(query: Query) -> bool:

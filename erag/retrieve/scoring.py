@@ -19,10 +19,14 @@ _ROWS = 2048  # rows of a table multiplied at once
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Queries that have text: `texts` (q,) and their `vectors` (q, d), unit rows."""
+    """Queries that have text: `texts` (q,) and their `vectors` (q, d), unit rows.
+
+    `also`: what else is searched for each of them, as a batch of q rows; None where nothing is.
+    """
 
     texts: tuple[str, ...]
     vectors: Vectors
+    also: Batch | None = None
 
     def __len__(self) -> int:
         return len(self.texts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
@@ -22,12 +22,14 @@ from erag.retrieve.spans import leaf_spans
 class Choice:
     """One decision: for query `query` of the batch, which of the forest's rows `rows` (r,) below `parent` to follow.
 
-    `parent` is -1 where the rows are roots. The rows are ascending.
+    `parent` is -1 where the rows are roots. The rows are ascending; `best` (r,) is the leaf below each that scores best
+    for the query, or n, the number of leaves, where leaves were not scored.
     """
 
     query: int
     parent: int
     rows: IntArray
+    best: IntArray
 
 
 class ClusterJudge(Protocol):
@@ -79,13 +81,34 @@ class ScoreJudge:
         return out
 
 
+@dataclass(frozen=True)
+class _Sight:
+    """What a descent sees: `lowest` (q, m) the rank of the best leaf below each row, n where none is eligible.
+
+    `leaf` (q, n + 1) is the leaf of each rank, and n for rank n.
+    """
+
+    lowest: IntArray
+    leaf: IntArray
+
+    def choice(self, query: int, parent: int, rows: IntArray) -> Choice:
+        n = self.leaf.shape[1] - 1
+        seen = rows[self.lowest[query, rows] < n]
+        return Choice(query, parent, seen, self.leaf[query, self.lowest[query, seen]])
+
+
 class TreeSearch:
-    """Finds leaves by descent. With `judge` the descent follows it; otherwise it follows the scores."""
+    """Finds leaves by descent. It follows the scores, or whoever `decide` makes of the judge that would follow them."""
 
     def __init__(
-        self, corpus: Corpus, config: TreeConfig, scorer: LeafScorer, judge: ClusterJudge | None = None
+        self,
+        corpus: Corpus,
+        config: TreeConfig,
+        scorer: LeafScorer,
+        decide: Callable[[ClusterJudge], ClusterJudge] | None = None,
     ) -> None:
-        self._config, self._scorer, self._judge = config, scorer, judge
+        self._config, self._scorer, self._decide = config, scorer, decide or (lambda scores: scores)
+        self._by_score = config.judge.evidence if config.judge else config.evidence > 0 and decide is None
         self._forest, self._leaves = corpus.forest, int(corpus.searchable.sum())
         self._spans = leaf_spans(corpus.forest)
         self._vectors = (corpus.node_vectors, _cluster_vectors(corpus, config))
@@ -96,13 +119,12 @@ class TreeSearch:
         Leaf scores are computed for all leaves where they are evidence or depend on each other, else only where the
         descent arrives.
         """
-        without_evidence = self._config.evidence == 0.0 or self._judge is not None
-        if without_evidence and isinstance(self._scorer, NodeScorer | SentenceScorer):
+        if not self._by_score and isinstance(self._scorer, NodeScorer | SentenceScorer):
             return self._search_lazily(batch, eligible, self._scorer)
         scores = self._scorer.scores(batch)
         rank = _ranks(scores, eligible & (scores >= 0))
-        lowest = self._spans.lowest(rank)  # (q, m)
-        reached, judged = self._descend(batch, lowest, self._judge or self._score_judge(scores, rank, lowest))
+        sight = _Sight(self._spans.lowest(rank), _leaf_of_rank(rank))
+        reached, judged = self._descend(batch, sight, self._decide(self._score_judge(scores, rank, sight.lowest)))
         n = self._forest.n_leaves
         seen = [self._leaves + int((rows >= n).sum()) for rows in judged]
         return [Reached(r, s[r], v) for r, s, v in zip(reached, scores, seen, strict=True)]
@@ -110,8 +132,8 @@ class TreeSearch:
     def _search_lazily(self, batch: Batch, eligible: Mask, scorer: NodeScorer | SentenceScorer) -> list[Reached]:
         n = self._forest.n_leaves
         lowest = self._spans.lowest(np.where(eligible, np.arange(n), n))
-        judge = self._judge or ScoreJudge(*self._vectors, lowest, None, 0.0)
-        reached, judged = self._descend(batch, lowest, judge)
+        sight = _Sight(lowest, np.full((len(batch), n + 1), n, np.int64))
+        reached, judged = self._descend(batch, sight, self._decide(ScoreJudge(*self._vectors, lowest, None, 0.0)))
         queries = np.repeat(np.arange(len(batch)), [len(r) for r in reached])
         scores = scorer.pair_scores(batch, queries, np.concatenate(reached))
         ends = np.cumsum([len(r) for r in reached])[:-1]
@@ -127,16 +149,16 @@ class TreeSearch:
         best = np.take_along_axis(by_rank, lowest, axis=1)
         return ScoreJudge(*self._vectors, lowest, best, self._config.evidence)
 
-    def _descend(self, batch: Batch, lowest: IntArray, judge: ClusterJudge) -> tuple[list[IntArray], list[IntArray]]:
-        """Leaves reached and rows judged by each query. Rows with no eligible leaf below, rank n, are passed by."""
-        n, alive = self._forest.n_leaves, lowest < self._forest.n_leaves
+    def _descend(self, batch: Batch, sight: _Sight, judge: ClusterJudge) -> tuple[list[IntArray], list[IntArray]]:
+        """Leaves reached and rows judged by each query. Rows with no eligible leaf below are passed by."""
+        n = self._forest.n_leaves
         reached, judged = _Rows(len(batch)), _Rows(len(batch))
-        front = self._below([(query, NO_PARENT) for query in range(len(batch))], alive)
+        front = self._below([(query, NO_PARENT) for query in range(len(batch))], sight)
         while front:
             if self._config.leaves == "all":
                 for choice in front:
                     reached.add(choice.query, choice.rows[choice.rows < n])
-                front = [Choice(c.query, c.parent, c.rows[c.rows >= n]) for c in front]
+                front = [sight.choice(c.query, c.parent, c.rows[c.rows >= n]) for c in front]
             asked = [choice for choice in front if len(choice.rows)]
             if not asked:
                 break
@@ -145,15 +167,15 @@ class TreeSearch:
                 judged.add(choice.query, choice.rows)
                 reached.add(choice.query, rows[rows < n])
                 opened.extend((choice.query, int(row)) for row in rows[rows >= n])
-            front = self._below(opened, alive)
+            front = self._below(opened, sight)
         return reached.sorted(), judged.sorted()
 
-    def _below(self, opened: Sequence[tuple[int, int]], alive: Mask) -> list[Choice]:
-        choices = []
-        for query, row in opened:
-            rows = self._forest.roots if row == NO_PARENT else self._forest.children[row]
-            choices.append(Choice(query, row, rows[alive[query, rows]]))
-        return choices
+    def _below(self, opened: Sequence[tuple[int, int]], sight: _Sight) -> list[Choice]:
+        forest = self._forest
+        return [
+            sight.choice(query, row, forest.roots if row == NO_PARENT else forest.children[row])
+            for query, row in opened
+        ]
 
 
 class _Rows:
@@ -176,6 +198,15 @@ def _ranks(scores: Scores, kept: Mask) -> IntArray:
     for row, score, keep in zip(out, scores, kept, strict=True):
         rows = np.flatnonzero(keep)
         row[rows[best_first(score[rows], rows)]] = np.arange(len(rows))
+    return out
+
+
+def _leaf_of_rank(rank: IntArray) -> IntArray:
+    """(q, n + 1): the leaf at each place of `rank` (q, n); n where no leaf has it."""
+    q, n = rank.shape
+    out = np.full((q, n + 1), n, np.int64)
+    np.put_along_axis(out, rank, np.broadcast_to(np.arange(n), (q, n)), axis=1)
+    out[:, n] = n
     return out
 
 

@@ -1,0 +1,80 @@
+"""What a question is about: the whole map, the region around the robot, or the region where its hits lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erag.core.geometry import distance
+from erag.core.text import word_set, words
+from erag.core.types import Hit, IntArray, Query
+from erag.forest.quality import base_nodes
+from erag.retrieve.corpus import Corpus
+
+_LOCAL = frozenset({"here", "nearby", "around"})
+_WHOLE = word_set("""
+    overall whole entire across everywhere environment area map building campus city images views place general all
+""")
+LOCAL_VIEWS = 8  # the smallest region that "here" means, in views
+GATHERED, PART = 0.8, 0.25  # this share of the hits inside this share of the map makes a region
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The base nodes `rows` (r,) that an explanation speaks of, and what to call them."""
+
+    rows: IntArray
+    name: str
+
+
+class Scopes:
+    """Finds the scope of a question in a forest."""
+
+    def __init__(self, corpus: Corpus) -> None:
+        self._corpus = corpus
+        self._below = base_nodes(corpus.forest)
+
+    def of(self, query: Query, hits: tuple[Hit, ...], eligible: np.ndarray) -> Scope:
+        """The scope of `query`: the nodes `eligible` (n,) of a region, or of the whole map."""
+        spoken = set(words(query.text or ""))
+        cluster = None
+        if query.at is not None and spoken & _LOCAL:
+            cluster = self._around(query)
+        elif not spoken & _WHOLE:
+            cluster = self._gathered(hits)
+        rows = np.arange(len(eligible)) if cluster is None else self._below[cluster]
+        rows = rows[eligible[rows] & self._corpus.searchable[rows]]
+        name = "" if cluster is None else self._corpus.forest.clusters[cluster].name
+        return Scope(rows, name)
+
+    def _around(self, query: Query) -> int | None:
+        """The smallest cluster with enough views that holds the node nearest to the robot."""
+        if query.at is None:
+            return None
+        topomap = self._corpus.topomap
+        nearest = int(distance(topomap.frame, np.array(query.at.xyz), topomap.positions).argmin())
+        above = self._above(nearest)
+        return next((c for c in above if len(self._below[c]) >= LOCAL_VIEWS), above[-1] if above else None)
+
+    def _gathered(self, hits: tuple[Hit, ...]) -> int | None:
+        """The smallest cluster that holds most of the hits and only a part of the map."""
+        rows = [self._corpus.topomap.row[hit.node] for hit in hits]
+        if len(rows) < 3:
+            return None
+        counts: dict[int, int] = {}
+        for row in rows:
+            for cluster in self._above(row):
+                counts[cluster] = counts.get(cluster, 0) + 1
+        limit = PART * self._corpus.forest.n_leaves
+        inside = [c for c, n in counts.items() if n >= GATHERED * len(rows) and len(self._below[c]) <= limit]
+        return min(inside, key=lambda c: (len(self._below[c]), c), default=None)
+
+    def _above(self, row: int) -> list[int]:
+        """Numbers of the clusters above a leaf, from below."""
+        forest, up = self._corpus.forest, []
+        parent = int(forest.parent[row])
+        while parent >= 0:
+            up.append(parent - forest.n_leaves)
+            parent = int(forest.parent[parent])
+        return up

@@ -1,0 +1,60 @@
+"""Whether a memory holds anything that answers a query, or has to say that it does not."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from erag.core.text import word_set, words
+from erag.lm.roles import Vectors
+from erag.retrieve.bm25 import singular
+from erag.retrieve.corpus import Corpus
+
+WORDS_WEIGHT = 0.3
+# What a request says besides what it is about.
+_ASKING = word_set("""
+    find where take show me nearest closest place somewhere anywhere want would like look looking go get need have can
+    could should may please there here bring guide way see
+""")
+
+
+class Sufficiency:
+    """The evidence for a query: the best cosine of a text or sentence, and the share of its words found together.
+
+    evidence = max cosine + 0.3 × (the largest share of the query's content words, weighted by how rare they are on this
+    map, that one node has). Weak evidence does not prove absence; it says that nothing seen comes near.
+    """
+
+    def __init__(self, corpus: Corpus) -> None:
+        self._corpus = corpus
+
+    def evidence(self, text: str, vector: Vectors, eligible: npt.NDArray[np.bool_]) -> float:
+        """The evidence, in [0, 1.3], that the nodes `eligible` (n,) hold for a query with the vector (d,)."""
+        rows = np.flatnonzero(eligible & self._corpus.searchable)
+        if not len(rows):
+            return 0.0
+        nodes = float((self._corpus.node_vectors[rows] @ vector).max())
+        here = eligible[self._corpus.sentence_rows]
+        spoken = float((self._corpus.sentence_vectors[here] @ vector).max()) if here.any() else 0.0
+        return max(nodes, spoken, 0.0) + WORDS_WEIGHT * self._covered(text, rows)
+
+    def _covered(self, text: str, rows: npt.NDArray[np.int64]) -> float:
+        asked = {word for word in map(singular, words(text)) if word not in self._unasked}
+        if not asked:
+            return 0.0
+        n, frequency = len(self._words), {w: sum(w in said for said in self._words) for w in asked}
+        weight = {w: float(np.log1p((n - f + 0.5) / (f + 0.5))) for w, f in frequency.items()}
+        best = max(sum(weight[w] for w in asked & self._words[row]) for row in rows)
+        return best / max(sum(weight.values()), 1e-9)
+
+    @cached_property
+    def _words(self) -> list[frozenset[str]]:
+        return [frozenset(map(singular, words(text))) for text in self._corpus.texts]
+
+    @cached_property
+    def _unasked(self) -> frozenset[str]:
+        from bm25s.stopwords import STOPWORDS_EN_PLUS
+
+        return frozenset(STOPWORDS_EN_PLUS) | _ASKING
