@@ -33,6 +33,15 @@ def weights() -> ModelStore:
 
 
 @pytest.fixture(scope="session")
+def smollm2() -> ModelStore:
+    """The model store with the default language model; tests that need it skip where it was not pulled."""
+    store = default_store()
+    if store.state("smollm2-135m") == "missing":
+        pytest.skip("no weights: erag models pull smollm2-135m")
+    return store
+
+
+@pytest.fixture(scope="session")
 def fake_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A configuration whose embedder needs no weights."""
     path = tmp_path_factory.mktemp("config") / "fake.yaml"

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from erag.bench.memory import peak_mb
 from erag.core.geometry import EARTH_RADIUS_M, Points, pairwise
 from erag.core.types import Edges, Frame, IntArray, Observation, Pose, TopoMap
 from erag.forest.affinity import affinity, auto_theta, unit_rows
@@ -197,15 +196,6 @@ def _digest(label: IntArray) -> str:
     """A hash of a partition that does not depend on how its groups are numbered."""
     _, first, group = np.unique(label, return_index=True, return_inverse=True)
     return hashlib.sha256(first[group].astype("<i8").tobytes()).hexdigest()
-
-
-def peak_mb() -> float:
-    """The largest resident size of this process so far in MB, without what its parent had before it."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        line = next(x for x in status.read_text().splitlines() if x.startswith("VmHWM:"))
-        return int(line.split()[1]) / 1000
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
 
 
 def _apart(work: Callable[[int, int], Row], nodes: int, seed: int) -> Row:

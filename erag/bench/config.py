@@ -7,42 +7,114 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, RootModel
 
+from erag.lm.config import LlamaCppRoles, TorchLMRoles
 from erag.pipeline.config import PipelineConfig
 
+TextEngine = Annotated[LlamaCppRoles | TorchLMRoles, Field(discriminator="kind")]
+Count = Annotated[int, Field(ge=1)]
 
-class RetrievalBench(BaseModel):
-    """Retrievers compared on labelled queries over one memory.
 
-    `source` and `queries` are paths, or `sample` for the data that comes with the package; `where` keeps only queries
-    with these keys; `ask` says which conditions are asked beside the text; `forest` is `cluster`, or `given` for the
-    clusters stated by the source; `memory` is where the memory is kept, one a source by default; each of `retrievers`
-    is a set of overrides of `pipeline.retrieve`.
-    """
-
+class _Bench(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    kind: Literal["retrieval"]
+
+class MemoryBench(_Bench):
+    """A benchmark on one memory, which is made once and kept.
+
+    `source` is a path, or `sample` for the data that comes with the package; `forest` is `cluster`, or `given` for the
+    clusters stated by the source; `memory` is where the memory is kept, one a source by default; of a file of queries
+    `where` keeps only those with these keys.
+    """
+
     source: str = "sample"
-    queries: str = "sample"
     where: dict[str, str] = {}
-    ask: tuple[Literal["at", "sensor", "since", "until"], ...] = ()
     forest: Literal["cluster", "given"] = "cluster"
     memory: Path | None = None
     pipeline: PipelineConfig = PipelineConfig()
+
+
+class RetrievalBench(MemoryBench):
+    """Retrievers compared on labelled queries.
+
+    `queries` is a path or `sample`; `ask` says which conditions are asked beside the text; each of `retrievers` is a
+    set of overrides of `pipeline.retrieve`.
+    """
+
+    kind: Literal["retrieval"]
+    queries: str = "sample"
+    ask: tuple[Literal["at", "sensor", "since", "until"], ...] = ()
     retrievers: dict[str, dict[str, object]]
 
 
-class ClusteringBench(BaseModel):
-    """Time and peak memory of clustering at several sizes, each in a process of its own."""
+class SelectionBench(MemoryBench):
+    """Selectors compared on decisions among `cards` node texts, one of which answers a labelled query.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    Each labelled query gives `rounds` decisions. `selectors` are language models that play the select role.
+    """
+
+    kind: Literal["selection"]
+    queries: str = "sample"
+    cards: Annotated[int, Field(ge=2, le=20)] = 5
+    rounds: Count = 2
+    seed: int = 0
+    selectors: dict[str, TextEngine]
+
+
+class AnswersBench(MemoryBench):
+    """`count` random queries of the files `queries`, each from a random place, answered by each of `presets`."""
+
+    kind: Literal["answers"]
+    queries: tuple[str, ...] = ("sample",)
+    presets: tuple[str, ...] = ("tiny",)
+    count: Count = 200
+    seed: int = 0
+
+
+class ThroughputBench(_Bench):
+    """Tokens a second of `engines` with `sizes` prompts at once, of about `words` tokens, answers of `answer` tokens.
+
+    They are compared with one plain llama.cpp stream of `model`.
+    """
+
+    kind: Literal["throughput"]
+    model: str = "smollm2-135m"
+    engines: dict[str, TextEngine]
+    sizes: tuple[Count, ...] = (1, 8, 32)
+    words: Annotated[int, Field(ge=8)] = 200
+    answer: Annotated[int, Field(ge=2)] = 48
+    repeats: Count = 3
+
+
+class BuildVariant(_Bench):
+    """A build to be measured: a preset with overrides, and variables of the environment for the numeric libraries."""
+
+    preset: str = "tiny"
+    overrides: tuple[str, ...] = ()
+    environment: dict[str, str] = {}
+
+
+class BuildBench(_Bench):
+    """Builds from nothing, each in a process of its own. `folder` is where their memories are written."""
+
+    kind: Literal["build"]
+    source: str = "sample"
+    forest: Literal["cluster", "given"] = "cluster"
+    folder: Path = Path("experiments/bench-build")
+    variants: dict[str, BuildVariant]
+
+
+class ClusteringBench(_Bench):
+    """Time and peak memory of clustering at several sizes, each in a process of its own."""
 
     kind: Literal["clustering"]
     sizes: tuple[int, ...] = (3_000, 20_000, 100_000)
     seed: int = 0
 
 
-class BenchConfig(RootModel[Annotated[RetrievalBench | ClusteringBench, Field(discriminator="kind")]]):
+AnyBench = RetrievalBench | SelectionBench | AnswersBench | ThroughputBench | BuildBench | ClusteringBench
+
+
+class BenchConfig(RootModel[Annotated[AnyBench, Field(discriminator="kind")]]):
     """A benchmark's configuration file."""
 
     model_config = ConfigDict(frozen=True)

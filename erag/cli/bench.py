@@ -11,7 +11,7 @@ from erag.cli import show
 from erag.cli.options import Overrides
 
 if TYPE_CHECKING:
-    from erag.bench.config import ClusteringBench, RetrievalBench
+    from erag.bench import config as kinds
 
 
 def register(app: typer.Typer) -> None:
@@ -24,20 +24,28 @@ def bench(
     overrides: Overrides = None,
 ) -> None:
     """Run a benchmark and print its table."""
-    from erag.bench.config import BenchConfig, RetrievalBench
+    from erag.bench import config as kinds
     from erag.pipeline.config import apply_override, read_yaml, validate
 
     raw = read_yaml(config)
     for override in overrides or ():
         apply_override(raw, override)
-    chosen = validate(BenchConfig, raw, str(config)).root
-    if isinstance(chosen, RetrievalBench):
-        _retrieval(chosen)
-    else:
-        _clustering(chosen)
+    match validate(kinds.BenchConfig, raw, str(config)).root:
+        case kinds.RetrievalBench() as chosen:
+            _retrieval(chosen)
+        case kinds.SelectionBench() as chosen:
+            _selection(chosen)
+        case kinds.AnswersBench() as chosen:
+            _answers(chosen)
+        case kinds.ThroughputBench() as chosen:
+            _throughput(chosen)
+        case kinds.BuildBench() as chosen:
+            _building(chosen)
+        case kinds.ClusteringBench() as chosen:
+            _clustering(chosen)
 
 
-def _retrieval(config: RetrievalBench) -> None:
+def _retrieval(config: kinds.RetrievalBench) -> None:
     from erag.bench.retrieval import run
     from erag.lm.weights import default_store
 
@@ -50,7 +58,77 @@ def _retrieval(config: RetrievalBench) -> None:
     )
 
 
-def _clustering(config: ClusteringBench) -> None:
+def _selection(config: kinds.SelectionBench) -> None:
+    from erag.bench.selection import run
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        rows = list(run(config, default_store(), progress))
+    show.out(f"{rows[0].decisions} decisions among {config.cards} cards; chance {1 / config.cards:.2f}")
+    show.table(
+        ("selector", "right", "diverted by an order", "ms a decision"),
+        [(s.selector, s.right, s.diverted, f"{s.seconds * 1000:.0f}") for s in rows],
+        right=("ms a decision",),
+    )
+
+
+def _answers(config: kinds.AnswersBench) -> None:
+    from erag.bench.answers import run
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        rows = list(run(config, default_store(), progress))
+    show.table(
+        ("preset", "queries", "valid", "waypoints on the map", "refused", "median s", "95 % s", "calls a query"),
+        [
+            (s.preset, s.queries, f"{s.valid:.1%}", f"{s.on_map:.1%}", s.refused, f"{s.median:.3f}", f"{s.p95:.3f}",
+             ", ".join(f"{role} {n:.2f}" for role, n in s.calls.items()))
+            for s in rows
+        ],
+        right=("queries", "refused", "median s", "95 % s"),
+    )  # fmt: skip
+    show.lines(f"{s.preset}: {n:,} {event}" for s in rows for event, n in sorted(s.events.items()))
+
+
+def _throughput(config: kinds.ThroughputBench) -> None:
+    from erag.bench.lm import run
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        rows = list(run(config, default_store(), progress))
+    plain = rows[0]
+    show.table(
+        ("engine", "prompts", "read tok/s", "× plain", "written tok/s", "× plain "),
+        [
+            (s.engine, s.prompts, f"{s.prefill:,.0f}", f"{s.prefill / plain.prefill:.1f}", f"{s.decode:,.0f}",
+             f"{s.decode / plain.decode:.1f}")
+            for s in rows
+        ],
+        right=("prompts", "read tok/s", "× plain", "written tok/s"),
+    )  # fmt: skip
+
+
+def _building(config: kinds.BuildBench) -> None:
+    from erag.bench.building import run
+
+    rows = []
+    for row in run(config, config.folder):
+        show.say(f"{row.variant}: {row.total:.1f} s")
+        rows.append(row)
+    stages = list(dict.fromkeys(stage for row in rows for stage in row.seconds))
+    show.table(
+        ("variant", *stages, "total s", "again s", "peak MB", "clusters", "tokens read", "written", "composed"),
+        [
+            (s.variant, *(f"{s.seconds.get(stage, 0):.1f}" for stage in stages), f"{s.total:.1f}", f"{s.again:.1f}",
+             f"{s.peak_mb:,.0f}", s.clusters, f"{s.tokens_read:,}", f"{s.tokens_written:,}", s.composed)
+            for s in rows
+        ],
+        right=(*stages, "total s", "again s", "peak MB", "clusters", "tokens read", "written"),
+    )  # fmt: skip
+    show.lines(f"{s.variant}: {line}" for s in rows for line in s.quality)
+
+
+def _clustering(config: kinds.ClusteringBench) -> None:
     from erag.bench.clustering import columns, run
 
     rows = []

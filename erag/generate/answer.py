@@ -114,9 +114,8 @@ class Answerer:
         said, removed = borne_out(read(written.text, "answer"), Evidence(self._focus.words, scope.rows, facts))
         self._count("unsupported sentences of answers removed", removed)
         self._count("explanations told by views and numbers alone", not said)
-        where = f"the region {scope.name!r}" if scope.name else "the whole map"
         told = " ".join(filter(None, (said, counted)))
-        return self._explained(told, views[: config.quoted], f"from {len(scope.rows):,} views of {where}")
+        return self._explained(told, views[: config.quoted], f"from {len(scope.rows):,} views of {scope.name}")
 
     def _explained(self, said: str, views: Sequence[View], reason: str) -> Answer:
         ids = tuple(self._corpus.topomap.nodes[view.row].id for view in views)

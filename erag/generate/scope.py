@@ -45,8 +45,13 @@ class Scopes:
             cluster = self._gathered(hits)
         rows = np.arange(len(eligible)) if cluster is None else self._below[cluster]
         rows = rows[eligible[rows] & self._corpus.searchable[rows]]
-        name = "" if cluster is None else self._corpus.forest.clusters[cluster].name
-        return Scope(rows, name)
+        return Scope(rows, self._name(cluster))
+
+    def _name(self, cluster: int | None) -> str:
+        if cluster is None:
+            return "the whole map"
+        found = self._corpus.forest.clusters[cluster]
+        return f"the region {found.id} ({found.name})" if found.name else f"the region {found.id}"
 
     def _around(self, query: Query) -> int | None:
         """The smallest cluster with enough views that holds the node nearest to the robot."""

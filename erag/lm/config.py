@@ -55,13 +55,20 @@ def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | Non
     return compose({key: _model(c, store, ledger) for key, c in config.models.items()}, Roles(config.roles))
 
 
+def text_engine(
+    config: LlamaCppConfig | TorchLMConfig, store: ModelStore, ledger: Ledger | None = None
+) -> LlamaCpp | TorchLM:
+    """The engine of a language model, without roles; nothing is loaded yet."""
+    if isinstance(config, LlamaCppConfig):
+        return LlamaCpp(config, store, ledger)
+    return TorchLM(config, store, ledger)
+
+
 def _model(config: ModelConfig, store: ModelStore, ledger: Ledger | None) -> Model:
     match config:
         case FakeConfig():
             return Fake(config)
-        case LlamaCppRoles():
-            return TextRoles(LlamaCpp(config, store, ledger), config.text, ledger)
-        case TorchLMRoles():
-            return TextRoles(TorchLM(config, store, ledger), config.text, ledger)
         case SentenceConfig():
             return SentenceEmbedder(config, store, ledger)
+        case _:
+            return TextRoles(text_engine(config, store, ledger), config.text, ledger)

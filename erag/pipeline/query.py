@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from erag.generate.kind import decide_kind
 from erag.lm.config import build_backend
 from erag.lm.ledger import Ledger
 from erag.lm.metered import Metered
-from erag.lm.roles import LMBackend, Prompt, RoleName, SelectTask, Vectors
+from erag.lm.roles import LMBackend, Prompt, RoleName, SelectTask, TextKind, Vectors
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
 from erag.pipeline.load import Built, load
@@ -47,6 +47,10 @@ class Asker:
         topomap = self.corpus.topomap
         flat = topomap.positions * (1, 1, 0)
         return float(topomap.positions[distance(topomap.frame, flat, (x, y, 0)).argmin(), 2])
+
+    def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:
+        """(n, d) vectors of texts by the memory's own embedder."""
+        return self._backend.embed(texts, kind)
 
     def ask(self, query: Query) -> Result:
         """Hits and answer of one query.
