@@ -2,20 +2,35 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
-MODELS := minilm-l6
+MODELS := minilm-l6 smollm2-135m
+LLAMACPP := .venv-llamacpp/bin
 
-.PHONY: demo test check-all lint types layers unit models clean
+.PHONY: demo test check-all check-llamacpp lint types layers unit models clean
 
 demo: $(READY) models
-	@echo "== demo: ingest, build and ask the sample campus (about 15 s); results in demo-out/"
+	@echo "== demo: ingest, build and ask the sample campus with a local language model (about 30 s); results in demo-out/"
 	@$(BIN)/erag demo --out demo-out
 
 test: $(READY) models lint types layers unit
 
 # What CI runs, and what needs environments or data of its own (a fresh clone, the outside data beside the repository).
-check-all: test
-	@echo "== check-all: kill -9 at ten moments of ingest and build, compared with an uninterrupted run (about 3 minutes)"
+check-all: test check-llamacpp
+	@echo "== check-all: kill -9 at ten moments of ingest and build, compared with an uninterrupted run (about 5 minutes)"
 	@$(BIN)/python scripts/kill_test.py
+
+# llama.cpp is compiled here: g++ and about 4 minutes more.
+check-llamacpp: .venv-llamacpp/.ready models
+	@echo "== check-llamacpp: the llama.cpp engine with SmolLM2, and that PyTorch agrees with it (about 2 minutes)"
+	@OMP_NUM_THREADS=2 $(LLAMACPP)/python -m pytest -q tests/lm/llamacpp tests/lm/torchlm/test_torchlm_llamacpp.py tests/bench
+	@$(LLAMACPP)/erag doctor
+	@$(LLAMACPP)/erag bench --config configs/bench/throughput.yaml
+
+.venv-llamacpp/.ready: pyproject.toml constraints.txt
+	@echo "== set-up: an environment with llama.cpp in .venv-llamacpp (5 to 10 minutes, 1.6 GB)"
+	@$(PYTHON) -m venv .venv-llamacpp
+	@$(LLAMACPP)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=24"
+	@$(LLAMACPP)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[sentence,torchlm,llamacpp,dev]"
+	@touch $@
 
 $(READY): pyproject.toml constraints.txt
 	@echo "== set-up: Python packages into .venv (about 3 minutes, 1.5 GB)"
@@ -26,7 +41,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $(READY)
 
 models: $(READY)
-	@echo "== models: $(MODELS) (91 MB, once; its sha256 is checked)"
+	@echo "== models: $(MODELS) (190 MB, once; their sha256 is checked)"
 	@$(BIN)/erag models pull $(MODELS)
 
 lint: $(READY)
@@ -47,4 +62,4 @@ unit: $(READY)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 clean:
-	rm -rf .venv demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-llamacpp demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

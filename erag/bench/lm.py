@@ -35,15 +35,18 @@ def run(
     progress: Progress = quiet,
     engines: Mapping[str, TextModel] | None = None,
 ) -> Iterator[Speed]:
-    """The plain stream first, then each engine at each size; the engines take turns within one process."""
-    plain = LlamaCppConfig(model=config.model, sequences=1, weights="shipped")
-    models: dict[str, TextModel] = {PLAIN: text_engine(plain, store)}
-    models |= engines or {name: text_engine(engine, store) for name, engine in config.engines.items()}
+    """The plain stream first, then each engine at each size; all within one process. `engines` replaces them all."""
+    models = dict(engines or _engines(config, store))
     jobs = [(name, size) for name in models for size in ((1,) if name == PLAIN else config.sizes)]
     for done, (name, size) in enumerate(jobs):
         progress("engines", done, len(jobs))
         yield _measured(name, models[name], size, config)
     progress("engines", len(jobs), len(jobs))
+
+
+def _engines(config: ThroughputBench, store: ModelStore) -> dict[str, TextModel]:
+    plain = LlamaCppConfig(model=config.model, sequences=1, weights="shipped")
+    return {PLAIN: text_engine(plain, store), **{n: text_engine(e, store) for n, e in config.engines.items()}}
 
 
 def _measured(name: str, model: TextModel, size: int, config: ThroughputBench) -> Speed:
@@ -70,7 +73,7 @@ def _prompts(config: ThroughputBench, size: int, repeat: int, most: int) -> list
     """Prompts that differ from their first words on, so that nothing is shared, and ask for a long answer."""
     return [
         Prompt(
-            (("user", f"{_counting(repeat * 1000 + i, config.words)} Go on counting for a long time."),),
+            (("user", f"{_counting((repeat * 1000 + size) * 100 + i, config.words)} Go on counting for a long time."),),
             max_tokens=most,
         )
         for i in range(size)

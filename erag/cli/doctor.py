@@ -14,7 +14,7 @@ import typer
 from erag.cli import show
 from erag.cli.options import AsJson
 
-LIBRARIES = ("torch", "transformers", "sentence-transformers", "tokenizers", "safetensors", "bm25s", "numpy", "scipy")
+LIBRARIES = ("torch", "tokenizers", "safetensors", "gguf", "Jinja2", "sentence-transformers", "transformers", "bm25s")
 
 
 def register(app: typer.Typer) -> None:
@@ -24,7 +24,7 @@ def register(app: typer.Typer) -> None:
 
 def doctor(json_: AsJson = False) -> None:
     """Check CPU, precision, libraries, models, memory, disk and network."""
-    facts = {**_machine(), **_installed(), **_models(), "network": _network()}
+    facts = {**_machine(), **_installed(), **_llamacpp(), **_models(), "network": _network()}
     if json_:
         show.out(json.dumps(facts, ensure_ascii=False, indent=2))
         return
@@ -63,6 +63,14 @@ def _installed() -> dict[str, str]:
     return {
         "libraries": present + (f"; missing: {', '.join(missing)} (pip install 'erag[sentence]')" if missing else "")
     }
+
+
+def _llamacpp() -> dict[str, str]:
+    """Which kernels of llama.cpp each model survived in a child process, and why."""
+    from erag.lm.llamacpp.probe import explain
+
+    first, *tried = explain()
+    return {"llama.cpp": first, **{f"llama.cpp {i}": line for i, line in enumerate(tried, 1)}}
 
 
 def _version(package: str) -> str | None:

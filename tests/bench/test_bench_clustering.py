@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from erag.bench.clustering import columns, peak_mb, perturbed_copies, run
+from erag.bench.clustering import columns, perturbed_copies, run
+from erag.bench.memory import peak_mb
 
 
 def test_copies_are_similar_but_not_equal_and_lie_apart() -> None:
