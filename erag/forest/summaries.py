@@ -203,11 +203,11 @@ class Summaries:
         return Summary(left.name, _begun(left.text), how)
 
     def _tidy(self, answer: Summary) -> Summary:
-        """Within the lengths, at whole sentences, and without what is said again and again."""
-        whole, cut = whole_sentences(clean(answer.text), self._config.text_chars)
+        """Within the lengths, at whole sentences, and without what is said again and again or what are no words."""
+        whole, cut = whole_sentences(_spoken(answer.text), self._config.text_chars)
         text, repeats = without_repeats(whole)
-        name = _STUTTER.sub(r"\1", clean(answer.name)).rstrip(" .,;:")
-        how = [clean(r).rstrip(" .,;:")[: self._config.relationship_chars] for r in answer.relationships]
+        name = _STUTTER.sub(r"\1", _spoken(answer.name)).rstrip(" .,;:")
+        how = [_spoken(r).rstrip(" .,;:")[: self._config.relationship_chars] for r in answer.relationships]
         self._count("summaries truncated", cut)
         self._count("repeated phrases removed", repeats)
         distinct = tuple(dict.fromkeys(upper(r) for r in how if r))[: self._config.relationships]
@@ -220,6 +220,11 @@ class Summaries:
     def _count(self, event: str, times: int = 1) -> None:
         if times:
             self._ledger.events[event] += times
+
+
+def _spoken(text: str) -> str:
+    """`text` cleaned; nothing where it has no letter or digit."""
+    return clean(text) if any(c.isalnum() for c in text) else ""
 
 
 def _filled(said: Summary, more: Summary) -> Summary:

@@ -171,6 +171,15 @@ def test_a_bad_answer_costs_one_summary_not_the_batch(topomap: TopoMap, forest: 
     assert (done["street"].summary == TRUE.text) == (bad == 0)
 
 
+def test_marks_without_words_are_no_summary(topomap: TopoMap, forest: Forest) -> None:
+    ledger = Ledger()
+    done = by_id(summarise_forest(topomap, forest, Speaker(Summary("((((", "(((( ???", ("))", "."))), PLAIN, ledger))
+    assert ledger.events["summaries composed from facts"] == 4
+    assert all(
+        c.summary[0].isalnum() and c.name[0].isalnum() and c.relationships[0][0].isalnum() for c in done.values()
+    )
+
+
 def test_other_errors_are_not_swallowed(topomap: TopoMap, forest: Forest) -> None:
     class Missing(Speaker):
         def summarise(self, groups: Sequence[Group]) -> list[Summary]:
