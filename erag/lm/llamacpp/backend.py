@@ -19,6 +19,7 @@ from erag.lm.llamacpp.grammar import parse, to_grammar
 from erag.lm.llamacpp.library import library_version
 from erag.lm.llamacpp.likelihood import OUTPUTS, Due, likelihoods
 from erag.lm.llamacpp.native import NativeContext, NativeModel, Room
+from erag.lm.llamacpp.openings import Openings
 from erag.lm.llamacpp.plan import LEAST
 from erag.lm.llamacpp.probe import Candidate, Probe, cache_folder
 from erag.lm.llamacpp.sampler import Constrained, Greedy
@@ -60,6 +61,7 @@ class LlamaCpp:
         self._cache, self._command = cache, tuple(command)
         self._loaded: _Loaded | None = None
         self._contexts: dict[Purpose, NativeContext] = {}
+        self._openings = Openings()
 
     def identity(self, role: RoleName) -> str:
         """The weights and their form; the template is part of the weights. Decoding is greedy in every role."""
@@ -92,10 +94,7 @@ class LlamaCpp:
             return []
         grammars = [None if p.schema is None else to_grammar(p.schema) for p in prompts]
         loaded = self._load()
-        requests = [
-            Request(self._prompt(loaded, p.messages, p.max_tokens), p.max_tokens, grammar)
-            for p, grammar in zip(prompts, grammars, strict=True)
-        ]
+        requests = [self._request(loaded, p, grammar) for p, grammar in zip(prompts, grammars, strict=True)]
         needed = max(len(r.prompt) + max(r.max_tokens, 0) for r in requests)
         streams = min(self._config.sequences, len(set(requests)))
         context = self._context(loaded, "generate", needed, streams, outputs=max(streams, LEAST + 1))
@@ -104,7 +103,7 @@ class LlamaCpp:
         def chooser(request: Request) -> Chooser:
             return Greedy() if request.grammar is None else Constrained(loaded.model, request.grammar)
 
-        done = Generator(context, control, chooser).run(requests)
+        done = Generator(context, control, chooser, self._openings).run(requests)
         texts = [loaded.model.vocabulary.decode(c.tokens, cut=c.truncated) for c in done]
         _refuse_cut(prompts, done, texts)
         return [
@@ -126,6 +125,10 @@ class LlamaCpp:
             dues.append(Due(self._prompt(loaded, c.messages, len(text)), text))
         context = self._context(loaded, "likelihood", max(len(due.path) for due in dues), 1, OUTPUTS)
         return likelihoods(context, dues)
+
+    def _request(self, loaded: _Loaded, prompt: Prompt, grammar: str | None) -> Request:
+        tokens = self._prompt(loaded, prompt.messages, prompt.max_tokens)
+        return Request(tokens, prompt.max_tokens, grammar, loaded.chats.opening(prompt.messages, tokens))
 
     def _prompt(self, loaded: _Loaded, messages: Sequence[tuple[str, str]], answer: int) -> tuple[int, ...]:
         tokens = loaded.chats.tokens(messages)

@@ -8,6 +8,7 @@ from erag.core.errors import ModelError
 from erag.lm.chat import Messages, Piece
 from erag.lm.llamacpp.errors import ContextError
 from erag.lm.llamacpp.native import NativeModel
+from erag.lm.llamacpp.plan import shared
 from erag.lm.llamacpp.process import ask, child_command
 
 _SECONDS = 30
@@ -38,6 +39,12 @@ class Chats:
         if not tokens:
             raise ModelError("an empty prompt has nothing that an answer could follow", where=self._model.path.name)
         return tokens
+
+    def opening(self, messages: Messages, tokens: tuple[int, ...]) -> int:
+        """How many of the prompt's `tokens` come before the last message: what all prompts of its kind begin with."""
+        if len(messages) < 2:
+            return 0
+        return shared(tokens, self.tokens((*messages[:-1], (messages[-1][0], ""))))
 
     def plain(self, text: str) -> tuple[int, ...]:
         """The tokens of a text on its own. Raises ContextError for one that cannot fit."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from erag.lm.llamacpp.native import Logits, NativeContext, Row
+from erag.lm.llamacpp.openings import WORTH_KEEPING, Openings
 from erag.lm.llamacpp.plan import LEAST, pieces, shared
 
 WORTH_COPYING = 32  # tokens: below, computing them is as fast as copying a sequence
@@ -20,11 +21,15 @@ class Chooser(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Tokens of a prompt (not empty), how many may follow, and the grammar (GBNF) they have to obey or None."""
+    """Tokens of a prompt (not empty), how many may follow, and the grammar (GBNF) they have to obey or None.
+
+    The first `opening` tokens are those of every prompt of its kind, and worth keeping for later calls.
+    """
 
     prompt: tuple[int, ...]
     max_tokens: int
     grammar: str | None = None
+    opening: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +53,15 @@ class _Slot:
 class Generator:
     """The loop over one clean context. `ends` are the tokens before which an answer stops."""
 
-    def __init__(self, context: NativeContext, ends: frozenset[int], chooser: Callable[[Request], Chooser]) -> None:
+    def __init__(
+        self,
+        context: NativeContext,
+        ends: frozenset[int],
+        chooser: Callable[[Request], Chooser],
+        openings: Openings | None = None,
+    ) -> None:
         self._context, self._ends, self._chooser = context, ends, chooser
+        self._openings = openings or Openings()
         self._slots: list[_Slot] = []
         self._done: dict[Request, Completion] = {}
 
@@ -70,7 +82,7 @@ class Generator:
     def _start(self, place: int, request: Request) -> None:
         """Read a prompt into a sequence, beginning with what a sequence there is has in common with it."""
         slot = _Slot(request, self._chooser(request), [])
-        slot.seen = list(request.prompt[: self._reuse(place, request.prompt)])
+        slot.seen = list(request.prompt[: self._begin(place, request)])
         if place == len(self._slots):
             self._slots.append(slot)
         else:
@@ -81,6 +93,16 @@ class Generator:
             logits = self._context.decode(piece)
         slot.seen = list(request.prompt)
         slot.answer.append(slot.chooser.choose(logits[0]))
+
+    def _begin(self, place: int, request: Request) -> int:
+        """Bring what is known of a prompt into a sequence: another's beginning, else the opening; its length."""
+        known = self._reuse(place, request.prompt)
+        opening = min(request.opening, len(request.prompt) - LEAST)
+        if opening < WORTH_KEEPING or known >= opening:
+            return known
+        self._context.keep(place, 0)
+        self._openings.load(self._context, place, request.prompt[:opening])
+        return opening
 
     def _reuse(self, place: int, prompt: tuple[int, ...]) -> int:
         """Bring the longest known beginning of `prompt`, never its last two tokens, into a sequence; its length."""

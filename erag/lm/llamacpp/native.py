@@ -140,6 +140,19 @@ class NativeContext:
         if not self._llama.llama_memory_seq_rm(self._memory, sequence, length, -1):
             raise ModelError("its memory cannot be cut back", where=self._model.path.name, allowed="a transformer")
 
+    def save(self, sequence: int) -> bytes:
+        """Everything a sequence has seen, as llama.cpp writes it."""
+        size = self._llama.llama_state_seq_get_size(self._handle, sequence)
+        buffer = (ctypes.c_uint8 * size)()
+        written = self._llama.llama_state_seq_get_data(self._handle, buffer, size, sequence)
+        return bytes(buffer[:written])
+
+    def restore(self, sequence: int, state: bytes) -> None:
+        """Make an empty sequence what another of the same model was when it was saved."""
+        buffer = (ctypes.c_uint8 * len(state)).from_buffer_copy(state)
+        if not self._llama.llama_state_seq_set_data(self._handle, buffer, len(state), sequence):
+            raise ModelError("its memory cannot be put back", where=self._model.path.name, allowed="a transformer")
+
     def decode(self, rows: Sequence[Row]) -> list[Logits]:
         """Compute a batch; the logits (v,) after each wanted row, in order, valid until the next call.
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from erag.lm.llamacpp.generation import Completion, Generator, Request
 from erag.lm.llamacpp.likelihood import Due, likelihoods, log_probabilities
 from erag.lm.llamacpp.native import Logits, Room, Row
+from erag.lm.llamacpp.openings import Openings
 from erag.lm.llamacpp.plan import pieces, reading
 from erag.lm.llamacpp.sampler import Greedy
 
@@ -46,6 +47,13 @@ class Toy:
     def keep(self, sequence: int, length: int) -> None:
         assert sequence < self.room.sequences
         self.seen[sequence] = self.seen.get(sequence, [])[:length]
+
+    def save(self, sequence: int) -> bytes:
+        return bytes(self.seen[sequence])
+
+    def restore(self, sequence: int, state: bytes) -> None:
+        assert not self.seen.get(sequence)
+        self.seen[sequence] = list(state)
 
     def decode(self, rows: Sequence[Row]) -> list[Logits]:
         assert len(rows) > 0
@@ -102,6 +110,34 @@ def test_a_long_common_beginning_is_computed_once() -> None:
     assert toy.computed == 100 + 8 * 2
     _, refilled = run(requests, 2)  # finished sequences hand on what they have seen
     assert refilled.computed == 100 + 8 * 2
+
+
+def test_an_opening_is_read_once_for_all_calls_and_changes_no_answer() -> None:
+    opening = tuple(1 + i % 5 for i in range(64))
+    first = [Request((*opening, 7, 7, i), 5, opening=64) for i in range(1, 4)]
+    second = [Request((*opening, 8, i, 8), 5, opening=64) for i in range(1, 4)]
+    plain = [Request(r.prompt, r.max_tokens) for r in (*first, *second)]
+    toy, openings = Toy(Room(256, 2, 16, 3, 1)), Openings()
+    generator = Generator(toy, frozenset({END}), lambda _: Greedy(), openings)  # type: ignore[arg-type]
+    answers = [*generator.run(first), *generator.run(second)]
+    read = toy.computed
+    expected, fresh = run(plain, 2)
+    assert answers == expected
+    assert read <= fresh.computed  # one opening for both calls, where a single call would share it anyway
+    again = Toy(Room(256, 2, 16, 3, 1))
+    Generator(again, frozenset({END}), lambda _: Greedy(), openings).run(second)  # type: ignore[arg-type]
+    alone = Toy(Room(256, 2, 16, 3, 1))
+    Generator(alone, frozenset({END}), lambda _: Greedy()).run(second)  # type: ignore[arg-type]
+    assert alone.computed - again.computed == 64
+
+
+def test_short_openings_and_prompts_that_are_all_opening_are_read_as_they_are() -> None:
+    opening = tuple(1 + i % 5 for i in range(40))
+    requests = [Request(opening, 3, opening=40), Request((1, 2, 3, 4), 3, opening=2)]
+    toy = Toy(Room(256, 2, 16, 3, 1))
+    done = Generator(toy, frozenset({END}), lambda _: Greedy()).run(requests)  # type: ignore[arg-type]
+    expected, _ = run([Request(r.prompt, r.max_tokens) for r in requests], 2)
+    assert done == expected
 
 
 def test_finished_answers_make_room_at_once() -> None:

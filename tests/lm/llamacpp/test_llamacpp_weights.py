@@ -211,3 +211,16 @@ def test_messages_are_immutable_keys(smol: LlamaCpp) -> None:
     same = dataclasses.replace(first, seed=7)
     one, two = smol.generate([first, same])
     assert one == two
+
+
+@pytest.mark.parametrize("weights", ["shipped", "auto"])
+def test_an_opening_that_is_put_back_gives_the_same_bits(gguf: ModelStore, cache: Path, weights: str) -> None:
+    config = LlamaCppConfig.model_validate({"threads": 1, "weights": weights, "context": 1024})
+    shots = (("system", "Answer in a few words. " * 8), ("user", "What is a bench for?"), ("assistant", "Sitting."))
+    asked = [
+        Prompt((*shots, ("user", f"What is a {thing} for?")), max_tokens=12) for thing in ("lamp", "bridge", "kiosk")
+    ]
+    kept = LlamaCpp(config, gguf, cache=cache)
+    warm = [kept.generate([prompt])[0] for prompt in asked for _ in range(2)][1::2]
+    fresh = [LlamaCpp(config, gguf, cache=cache).generate([prompt])[0] for prompt in asked]
+    assert warm == fresh
