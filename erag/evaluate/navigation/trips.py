@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from erag.core.geometry import EARTH_RADIUS_M, Points
+from erag.core.geometry import EARTH_RADIUS_M, Points, centroid
 from erag.core.types import Edges, Frame, Pose, Route, TopoMap
 from erag.evaluate.location import spl
 from erag.evaluate.navigation.planner import Leg, LocalPlanner, Point
@@ -106,11 +106,11 @@ class Course:
 
 
 class _Plane:
-    """A local frame in metres: the map's own, or for WGS84 east and north of the nodes' mean (flat, for a few km)."""
+    """A local frame in metres: the map's own, or for WGS84 east and north of the nodes' centre (flat, for a few km)."""
 
     def __init__(self, topomap: TopoMap) -> None:
         self._frame = topomap.frame
-        self._origin = topomap.positions.mean(axis=0) if len(topomap) else np.zeros(3)
+        self._origin = np.array(centroid(topomap.frame, topomap.positions) if len(topomap) else (0.0, 0.0, 0.0))
         self.nodes = self.metres(topomap.positions)  # (n, 3)
 
     def metres(self, positions: Points) -> Points:
