@@ -12,8 +12,21 @@ from erag.core.geometry import spatial_similarity
 from erag.core.types import Frame, Hit, IntArray, Query, Range
 from erag.lm.roles import Vectors
 from erag.retrieve.bm25 import Bm25Scorer
-from erag.retrieve.config import Bm25Config, FlatConfig, FusionConfig, NodeConfig, RetrieveConfig, TreeConfig
+from erag.retrieve.collapsed import CollapsedSearch
+from erag.retrieve.community import CommunitySearch
+from erag.retrieve.config import (
+    Bm25Config,
+    CollapsedConfig,
+    CommunityConfig,
+    DualConfig,
+    FlatConfig,
+    FusionConfig,
+    NodeConfig,
+    RetrieveConfig,
+    TreeConfig,
+)
 from erag.retrieve.corpus import Corpus
+from erag.retrieve.dual import DualSearch
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.fusion import FusionScorer
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
@@ -59,8 +72,8 @@ def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
 class Retriever:
     """Answers queries over one corpus. Indexes are made once, here.
 
-    `router` measures distances (straight lines without one), `sensors` holds the declared range of each channel, and
-    `judge` takes the decisions of a tree instead of the scores.
+    `router` measures distances (straight lines without one), `sensors` holds the declared range of each channel,
+    `judge` takes the decisions of a tree instead of the scores, and `search` finds instead of the configured retriever.
     """
 
     def __init__(
@@ -70,11 +83,12 @@ class Retriever:
         router: Distances | None = None,
         sensors: Mapping[str, Range] | None = None,
         judge: ClusterJudge | None = None,
+        search: Search | None = None,
     ) -> None:
         if corpus.forest.leaves != tuple(node.id for node in corpus.topomap.nodes):
             raise ValueError("the leaves of the forest are not the nodes of the map")
         self._corpus, self._config = corpus, config
-        self._search = _search(corpus, config, judge)
+        self._search = search or _search(corpus, config, judge)
         self._distances = router or StraightLines(corpus.topomap)
         self._times, self._sensors = Times.of(corpus.topomap), Sensors(corpus.topomap, sensors or {})
         self._theta = auto_theta(corpus.topomap) if config.theta_rank == "auto" else config.theta_rank
@@ -185,6 +199,12 @@ def _search(corpus: Corpus, config: RetrieveConfig, judge: ClusterJudge | None) 
     kind = config.retriever
     if isinstance(kind, TreeConfig):
         return TreeSearch(corpus, kind, leaf_scorer(corpus, kind.scores), judge)
+    if isinstance(kind, CollapsedConfig):
+        return CollapsedSearch(corpus, kind)
+    if isinstance(kind, CommunityConfig):
+        return CommunitySearch(corpus, kind)
+    if isinstance(kind, DualConfig):
+        return DualSearch(corpus, kind)
     return FlatSearch(leaf_scorer(corpus, kind), int(corpus.searchable.sum()))
 
 

@@ -14,6 +14,7 @@ from erag.lm.roles import Vectors
 from erag.retrieve.config import TreeConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.flat import NodeScorer, SentenceScorer
+from erag.retrieve.rows import cluster_vectors
 from erag.retrieve.scoring import Batch, LeafScorer, Mask, Reached, Scores, best_first, pair_similarity
 from erag.retrieve.spans import leaf_spans
 
@@ -88,7 +89,7 @@ class TreeSearch:
         self._config, self._scorer, self._judge = config, scorer, judge
         self._forest, self._leaves = corpus.forest, int(corpus.searchable.sum())
         self._spans = leaf_spans(corpus.forest)
-        self._vectors = (corpus.node_vectors, _cluster_vectors(corpus, config))
+        self._vectors = (corpus.node_vectors, cluster_vectors(corpus, config.cluster_embedding))
 
     def search(self, batch: Batch, eligible: Mask) -> list[Reached]:
         """See `Search`.
@@ -177,12 +178,3 @@ def _ranks(scores: Scores, kept: Mask) -> IntArray:
         rows = np.flatnonzero(keep)
         row[rows[best_first(score[rows], rows)]] = np.arange(len(rows))
     return out
-
-
-def _cluster_vectors(corpus: Corpus, config: TreeConfig) -> Vectors:
-    """(c, d): the vectors clusters are compared by; the mean of a cluster's nodes where it has no summary."""
-    means = corpus.forest.embeddings[corpus.forest.n_leaves :]
-    if config.cluster_embedding == "mean":
-        return means
-    spoken = corpus.summary_vectors.any(axis=1, keepdims=True)
-    return np.where(spoken, corpus.summary_vectors, means)
