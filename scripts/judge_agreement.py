@@ -17,10 +17,11 @@ from erag.evaluate.datasets.catalogue import load_dataset
 from erag.evaluate.judges.agreement import TOP, Agreement, panel_agreement
 from erag.evaluate.judges.calibration import cross_calibrated
 from erag.evaluate.judges.embedding import EmbeddingJudge
+from erag.evaluate.judges.expanded import ExpandedJudge
 from erag.evaluate.judges.labels import LabelJudge
 from erag.evaluate.judges.lexical import LexicalJudge
 from erag.evaluate.judges.pairs import LabelledPairs, labelled_pairs
-from erag.evaluate.judges.protocol import Panel, Votes
+from erag.evaluate.judges.protocol import Judge, Panel, Votes
 from erag.lm.config import BackendConfig, build_backend
 from erag.lm.roles import LMBackend
 from erag.lm.weights import default_store
@@ -43,6 +44,7 @@ def main() -> None:
     parser.add_argument("--root", type=Path)
     parser.add_argument("--queries", type=Path)
     parser.add_argument("--kind", help="only questions of this kind")
+    parser.add_argument("--expand", action="store_true", help="ask judges by the questions' targets, too")
     parser.add_argument("--retriever", default="fusion", help="whose ranking has the top 50")
     parser.add_argument("--memories", type=Path, default=Path("experiments/judges"))
     options = parser.parse_args()
@@ -53,7 +55,7 @@ def main() -> None:
         kept = replace(environment, questions=wanted)
         asker = asker_of(kept, options.memories, options.retriever)
         tried = tried_pairs(kept, asker)
-        votes = voted(kept, tried, backend)
+        votes = voted(kept, tried, backend, options.expand)
         print(f"{kept.name}: {len(wanted)} questions, {len(asker.corpus.topomap)} nodes")
         for found in panel_agreement(votes, tried.labels, tried.queries, tried.places, TOP):
             print(f"    {found.line()}")
@@ -70,12 +72,14 @@ def tried_pairs(environment: Environment, asker: Asker) -> LabelledPairs:
     return labelled_pairs(environment, [n for n in rows if asker.corpus.searchable[rows[n]]], rankings)
 
 
-def voted(environment: Environment, tried: LabelledPairs, backend: LMBackend) -> Votes:
+def voted(environment: Environment, tried: LabelledPairs, backend: LMBackend, expand: bool) -> Votes:
     """The votes of the judges that have anything to say about these pairs."""
     truths = list(environment.truths.by_node.values())
     embedding = EmbeddingJudge("minilm-l6", backend, frozenset({backend.identity("embed")}))
     labels = LabelJudge.over(o for t in truths for o in t.objects or ())
-    votes = Panel((LexicalJudge.over(truths), embedding, labels)).vote(tried.pairs)
+    readers: list[Judge] = [LexicalJudge.over(truths), embedding]
+    readers = [ExpandedJudge(judge) for judge in readers] if expand else readers
+    votes = Panel((*readers, labels)).vote(tried.pairs)
     cast = [i for i in range(len(votes.judges)) if not np.isnan(votes.values[:, i]).all()]
     return Votes(tuple(votes.judges[i] for i in cast), tuple(votes.models[i] for i in cast), votes.values[:, cast])
 

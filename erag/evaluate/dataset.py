@@ -92,8 +92,8 @@ Loader = Callable[[Path, Path | None], Dataset]
 def questions(path: Path, where: Mapping[str, str] | None = None) -> tuple[Question, ...]:
     """The questions of a `Q.jsonl` with their labels; of those keys only `kind` is ours to interpret.
 
-    Labels are `relevant` (ids), `golden_answer` (text) with `facts` (texts), `targets` (object classes). Raises
-    InputError for a line that is not a JSON object, and for labels of another type.
+    Labels are `relevant` (ids), `golden_answer` (text) with `facts` (texts), `targets` (object classes; or one as
+    `target`). Raises InputError for a line that is not a JSON object, and for labels of another type.
     """
     return tuple(_question(path, line) for line in read_queries(path, where or {}))
 
@@ -110,6 +110,8 @@ def _question(path: Path, line: QueryLine) -> Question:
     if line.raw is None:
         raise InputError("not a JSON object", where=where, allowed='{"id": …, "query": …}')
     relevant, targets = _ids(line.raw, "relevant", where), _ids(line.raw, "targets", where)
+    if targets is None and isinstance(line.raw.get("target"), str):
+        targets = {line.raw["target"]}
     answer, facts = line.raw.get("golden_answer"), _ids(line.raw, "facts", where, ordered=True)
     if answer is not None and (not isinstance(answer, str) or not answer.strip()):
         raise InputError(f"golden_answer is {answer!r}", where=where, allowed="a text")

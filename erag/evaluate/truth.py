@@ -11,14 +11,24 @@ VISIBLE = 0.01  # share of the image from which on an object counts as seen
 
 @dataclass(frozen=True, slots=True)
 class SeenObject:
-    """An object in view: its class as words, and the share of the image it fills (1 where the node is the object)."""
+    """An object in view: its class as words, and the share of the image it fills (1 where the node is the object).
+
+    `look` says how it looks (`brown metal`), `sign` what is written on it.
+    """
 
     name: str
     area: float = 1.0
+    look: str = ""
+    sign: str = ""
 
     def __post_init__(self) -> None:
         if not 0 <= self.area <= 1:
             raise ValueError(f"the area of {self.name!r} must lie in [0, 1], got {self.area}")
+
+    @property
+    def words(self) -> str:
+        """The object in words."""
+        return " ".join(part for part in (self.look, self.name, f'reading "{self.sign}"' if self.sign else "") if part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +49,7 @@ class NodeTruth:
     @property
     def texts(self) -> tuple[str, ...]:
         """The truth as texts: the captions, then the listed objects, place and attributes as one sentence."""
-        listed = [o.name for o in self.objects or () if o.area >= VISIBLE]
+        listed = [o.words for o in self.objects or () if o.area >= VISIBLE]
         parts = [self.place, *dict.fromkeys(listed), *self.attributes]
         said = ", ".join(part for part in parts if part)
         return (*self.captions, *((f"{said}.",) if said else ()))

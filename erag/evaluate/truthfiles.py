@@ -1,20 +1,20 @@
-"""Ground truth read from files: `truth.jsonl` beside a map, or what a map's own captions and names say."""
+"""Ground truth read from files: the simulator's, or what a map's own captions and names say."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from erag.core.errors import InputError
 from erag.core.text import clean, name_words
+from erag.core.types import Observation
 from erag.data.registry import read
 from erag.evaluate.truth import NodeTruth, SeenObject, Truths
 
-TRUTH, SPLITS = "truth.jsonl", "splits.json"
 MAX_FILE = 512 * 1024 * 1024  # bytes
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Text = Annotated[str, Field(max_length=4000)]
@@ -24,40 +24,63 @@ class _Object(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")
 
     name: Name
-    area: float = Field(1.0, ge=0, le=1)
+    area: float = Field(1.0, ge=0, le=1, validation_alias=AliasChoices("area", "share"))
+    colour: Text = ""
+    shape: Text = ""
+    text: Text = ""
+
+    def seen(self) -> SeenObject:
+        look = " ".join(part for part in (clean(self.colour), clean(self.shape)) if part)
+        return SeenObject(clean(self.name), self.area, look, clean(self.text))
 
 
 class _Line(BaseModel):
-    """A line of `truth.jsonl`; unknown keys are ignored, so that a simulator may say more."""
+    """A line of a truth file; unknown keys are ignored, so that a simulator may say more."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", coerce_numbers_to_str=True)
 
     node: Name
     objects: tuple[_Object, ...] | None = None
     captions: tuple[Text, ...] = ()
+    caption: Text = ""
     place: Text = ""
     attributes: tuple[Text, ...] = ()
+    season: Text = ""
+    light: Text = ""
+    weather: Text = ""
     image: Text | None = None
+    split: Text = ""
 
 
-def read_truth(folder: Path) -> Truths:
-    """The truth of a folder's `truth.jsonl`, independent of what a memory is given.
+@dataclass(frozen=True)
+class WorldTruth:
+    """A truth file: what is known of each node, and the split it states (empty where it states none)."""
 
-    A line a node: `{"node", "objects": [{"name", "area"}], "captions": [text], "place", "attributes": [text],
-    "image"}`, all but `node` optional, areas as shares of the image, the image relative to the folder. Raises
-    InputError with the line for what is no such line, a node that comes twice, and an image outside the folder.
+    nodes: Mapping[str, NodeTruth]
+    split: str
+
+
+def read_truth(path: Path, folder: Path) -> WorldTruth:
+    """The truth file `path` of the world in `folder`.
+
+    A line a node: `{"node", "objects": [{"name", "area" (or "share"), "colour", "shape", "text"}], "captions": [text]
+    (or "caption"), "place", "attributes": [text], "season", "light", "weather", "image", "split"}`, all but `node`
+    optional, areas as shares of the image, the image relative to `folder`. Raises InputError with the line for what is
+    no such line, a node that comes twice, an image outside the folder, and a second split.
     """
-    found: dict[str, NodeTruth] = {}
-    path = folder / TRUTH
+    found, splits = dict[str, NodeTruth](), set[str]()
     for number, text in enumerate(_text(path).split("\n"), 1):
         if not text.strip():
             continue
         where = f"{path}: line {number}"
-        truth = _truth(folder, text, where)
-        if truth.node in found:
-            raise InputError(f"the node {truth.node!r} is there twice", where=where, allowed="a line a node")
-        found[truth.node] = truth
-    return Truths(found)
+        line = _line(text, where)
+        if line.node in found:
+            raise InputError(f"the node {line.node!r} is there twice", where=where, allowed="a line a node")
+        found[line.node] = _truth(line, folder, where)
+        splits |= {line.split} - {""}
+        if len(splits) > 1:
+            raise InputError(f"the splits {sorted(splits)}", where=where, allowed="one split a world")
+    return WorldTruth(found, next(iter(splits), ""))
 
 
 def captions_as_truth(source: Path) -> Truths:
@@ -69,22 +92,13 @@ def captions_as_truth(source: Path) -> Truths:
 
 def names_as_truth(source: Path) -> Truths:
     """The names of a map's object nodes as lists of one object each. They are what the memory holds."""
-    nodes = [o for o in read(source).observations if o.kind == "object" and o.name]
-    found = {o.id: NodeTruth(o.id, (SeenObject(name_words(clean(o.name or ""))),)) for o in nodes}
-    return Truths(found, independent=False)
+    return Truths(object_nodes(read(source).observations), independent=False)
 
 
-def read_splits(path: Path) -> Mapping[str, str]:
-    """`{environment: split}`; empty where there is no such file. Raises InputError for anything else in it."""
-    if not path.exists():
-        return {}
-    try:
-        raw = json.loads(_text(path))
-    except ValueError as error:
-        raise InputError(f"not JSON: {error}", where=str(path)) from error
-    if not isinstance(raw, dict) or not all(isinstance(v, str) for v in raw.values()):
-        raise InputError("not a table of texts", where=str(path), allowed='{"world": "train" | "test"}')
-    return raw
+def object_nodes(nodes: Iterable[Observation]) -> dict[str, NodeTruth]:
+    """Of each object node with a name the truth that this object is there."""
+    named = [o for o in nodes if o.kind == "object" and o.name]
+    return {o.id: NodeTruth(o.id, (SeenObject(name_words(clean(o.name or ""))),)) for o in named}
 
 
 def _text(path: Path) -> str:
@@ -96,18 +110,23 @@ def _text(path: Path) -> str:
         raise InputError(f"cannot be read: {error}", where=str(path), allowed="UTF-8 text") from error
 
 
-def _truth(folder: Path, text: str, where: str) -> NodeTruth:
+def _line(text: str, where: str) -> _Line:
     try:
-        line = _Line.model_validate_json(text)
+        return _Line.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         at = ".".join(str(part) for part in first["loc"])
         raise InputError(f"{at or 'line'}: {first['msg']}", where=where, allowed='{"node": …, "objects": …}') from error
-    objects = None if line.objects is None else tuple(SeenObject(clean(o.name), o.area) for o in line.objects)
+
+
+def _truth(line: _Line, folder: Path, where: str) -> NodeTruth:
+    objects = None if line.objects is None else tuple(o.seen() for o in line.objects)
     image = None if line.image is None else _inside(folder, line.image, where)
-    captions = tuple(clean(c) for c in line.captions if clean(c))
-    attributes = tuple(clean(a) for a in line.attributes)
-    return NodeTruth(line.node, objects, captions, clean(line.place), attributes, image)
+    captions = tuple(clean(c) for c in (*line.captions, line.caption) if clean(c))
+    stated = (*line.attributes, line.season, line.light, line.weather)
+    return NodeTruth(
+        line.node, objects, captions, clean(line.place), tuple(clean(a) for a in stated if clean(a)), image
+    )
 
 
 def _inside(folder: Path, image: str, where: str) -> Path:

@@ -57,9 +57,8 @@ def test_the_sample_needs_nothing() -> None:
 
 
 def test_a_world_is_read_with_its_truth_and_labels(world: Path, tmp_path: Path) -> None:
-    (tmp_path / "splits.json").write_text('{"park_01": "train"}')
     (environment,) = load_dataset("simulated", tmp_path).environments
-    assert (environment.name, environment.source, environment.split) == ("park_01", world, "train")
+    assert (environment.name, environment.source, environment.split) == ("park_01", world, "test")
     assert environment.truths.independent
     assert environment.truths.of("n1") == NodeTruth(
         "n1", (SeenObject("bench", 0.2),), (), "park", (), world / "i/1.png"
@@ -110,23 +109,50 @@ def test_splits_select(world: Path, tmp_path: Path) -> None:
 def test_truth_that_is_none_is_refused_with_its_line(tmp_path: Path, line: str, message: str) -> None:
     (tmp_path / "truth.jsonl").write_text(line)
     with pytest.raises(InputError, match=message) as caught:
-        read_truth(tmp_path)
+        read_truth(tmp_path / "truth.jsonl", tmp_path)
     assert "truth.jsonl: line" in caught.value.where
 
 
 def test_truth_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "truth.jsonl").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match="cannot be read"):
-        read_truth(tmp_path)
+        read_truth(tmp_path / "truth.jsonl", tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
-        read_truth(tmp_path / "nowhere")
+        read_truth(tmp_path / "nowhere", tmp_path)
 
 
-@pytest.mark.parametrize("raw", ["[]", '{"a": 1}', "{"])
-def test_splits_that_are_none_are_refused(world: Path, tmp_path: Path, raw: str) -> None:
-    (tmp_path / "splits.json").write_text(raw)
-    with pytest.raises(InputError, match=r"splits\.json"):
-        load_dataset("simulated", tmp_path)
+def test_a_world_as_the_simulator_writes_it(tmp_path: Path) -> None:
+    """Truth in a folder of its own, with shares, looks and signs; an image and object nodes from the observations."""
+    folder = tmp_path / "worlds" / "park"
+    rows = [
+        {"id": "park-a-0", "pose": {"x": 0, "y": 0}, "image": "images/0.jpg"},
+        {"id": "park-a-1", "pose": {"x": 1, "y": 0}},
+        {"id": "bench-1@a", "kind": "object", "pose": {"x": 1, "y": 1}, "name": "bench"},
+    ]
+    lines(folder / "observations.jsonl", rows)
+    lines(tmp_path / ".work" / "town" / "observations.jsonl", rows)
+    (folder / "meta.json").write_text(META)
+    (folder / "images").mkdir()
+    (folder / "images" / "0.jpg").write_bytes(b"\xff\xd8\xff")
+    seen = {"name": "bench", "share": 0.02, "colour": "brown", "shape": "metal", "text": "In memory", "side": "left"}
+    small = {"name": "tree", "share": 0.002}
+    view = {"node": "park-a-0", "split": "train", "place": "park", "season": "spring", "objects": [seen, small]}
+    lines(tmp_path / "truth" / "park.jsonl", [view | {"caption": "A bench."}, {"node": "park-a-1", "objects": []}])
+    lines(tmp_path / "queries.jsonl", [QUERIES[0] | {"environment": "park", "relevant": ["park-a-0"]}])
+    (environment,) = load_dataset("simulated", tmp_path).environments
+    assert (environment.name, environment.split, len(environment.questions)) == ("park", "train", 1)
+    truth = environment.truths.of("park-a-0")
+    assert truth.objects == (SeenObject("bench", 0.02, "brown metal", "In memory"), SeenObject("tree", 0.002))
+    assert truth.texts == ("A bench.", 'park, brown metal bench reading "In memory", spring.')
+    assert truth.image == folder / "images" / "0.jpg"
+    assert environment.truths.of("park-a-1").image is None
+    assert environment.truths.of("bench-1@a").objects == (SeenObject("bench"),)
+
+
+def test_a_world_has_one_split(world: Path) -> None:
+    lines(world / "truth.jsonl", [{"node": "a", "split": "train"}, {"node": "b", "split": "test"}])
+    with pytest.raises(InputError, match=r"line 2: the splits \['test', 'train'\]"):
+        read_truth(world / "truth.jsonl", world)
 
 
 @pytest.mark.parametrize(
