@@ -38,7 +38,8 @@ def main() -> None:
             ended = ", ".join(f"{n} {status}" for status, n in found.statuses.items())
             print(
                 f"{environment.name}, noise {noise} m, {share:.0%} of the edges blocked: "
-                f"{found.trips} trips ({ended}), success {found.success}, SPL {found.spl}, {found.replans:.1f} replans a trip"
+                f"{found.trips} trips ({ended}), success {found.success}, SPL {found.spl}, "
+                f"{found.replans:.1f} replans a trip"
             )
 
 

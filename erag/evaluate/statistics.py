@@ -80,9 +80,7 @@ def clustered_bootstrap(
     ValueError as `bootstrap`, and for groups that are not as many as values.
     """
     known = _finite(values)
-    if len(groups) != len(known):
-        raise ValueError(f"{len(groups)} groups for {len(known)} values")
-    _, member = np.unique(np.array(groups, dtype=np.str_), return_inverse=True)
+    member = _members(groups, len(known))
     count = np.bincount(member).astype(np.float64)
     total = np.bincount(member, weights=known)
 
@@ -94,25 +92,41 @@ def clustered_bootstrap(
 
 
 def paired_bootstrap(
-    system: Sequence[float], baseline: Sequence[float], *, confidence: float = 0.95, samples: int = 2000, seed: int = 0
+    system: Sequence[float],
+    baseline: Sequence[float],
+    groups: Sequence[str] | None = None,
+    *,
+    confidence: float = 0.95,
+    samples: int = 2000,
+    seed: int = 0,
 ) -> Interval:
-    """The bootstrap interval of the mean difference `system` - `baseline`, query by query."""
-    differences = _differences(system, baseline)
-    return bootstrap(list(differences), confidence=confidence, samples=samples, seed=seed)
+    """The bootstrap interval of the mean difference `system` - `baseline`, query by query; `groups` are drawn whole."""
+    differences = list(_differences(system, baseline))
+    if groups is None:
+        return bootstrap(differences, confidence=confidence, samples=samples, seed=seed)
+    return clustered_bootstrap(differences, groups, confidence=confidence, samples=samples, seed=seed)
 
 
 def permutation_test(
-    system: Sequence[float], baseline: Sequence[float], *, samples: int = 10_000, seed: int = 0
+    system: Sequence[float],
+    baseline: Sequence[float],
+    groups: Sequence[str] | None = None,
+    *,
+    samples: int = 10_000,
+    seed: int = 0,
 ) -> float:
     """The two-sided p-value of the paired permutation test: were the two interchangeable on each query (signs flipped)?
 
-    Queries on which both are equal say nothing. Up to 14 others all signs are tried and the value is exact, else
-    `samples` random ones are, and it is (1 + as extreme) / (1 + samples), never 0. Raises ValueError for no value, one
-    that is not finite, unequal lengths or samples < 1.
+    With `groups` (environments) the signs of a whole group are flipped together, since its queries are not independent.
+    Queries or groups on which both are equal say nothing. Up to 14 others all signs are tried and the value is exact,
+    else `samples` random ones are, and it is (1 + as extreme) / (1 + samples), never 0. Raises ValueError for no value,
+    one that is not finite, unequal lengths or samples < 1.
     """
     if samples < 1:
         raise ValueError(f"samples {samples} must be at least 1")
     differences = _differences(system, baseline)
+    if groups is not None:
+        differences = np.bincount(_members(groups, len(differences)), weights=differences).astype(np.float64)
     differences = differences[differences != 0]
     if not len(differences):
         return 1.0
@@ -143,21 +157,27 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
 
 
 def compare(
-    baseline: str, scores: Mapping[str, Sequence[float]], *, samples: int = 10_000, seed: int = 0
+    baseline: str,
+    scores: Mapping[str, Sequence[float]],
+    groups: Sequence[str] | None = None,
+    *,
+    samples: int = 10_000,
+    seed: int = 0,
 ) -> list[Comparison]:
     """Every system of `scores` (one value a query, the same queries in the same order) against `baseline`.
 
-    Raises KeyError when the baseline is not among them, ValueError as `permutation_test`.
+    `groups` names the environment of each query, where there are several. Raises KeyError when the baseline is not
+    among them, ValueError as `permutation_test`.
     """
     reference = scores[baseline]
     others = [name for name in scores if name != baseline]
-    p = {name: permutation_test(scores[name], reference, samples=samples, seed=seed) for name in others}
+    p = {name: permutation_test(scores[name], reference, groups, samples=samples, seed=seed) for name in others}
     adjusted = holm(p)
     made = []
     for name in others:
         differences = _differences(scores[name], reference)
         wins, losses = int((differences > 0).sum()), int((differences < 0).sum())
-        interval = paired_bootstrap(scores[name], reference, seed=seed)
+        interval = paired_bootstrap(scores[name], reference, groups, seed=seed)
         ties = len(differences) - wins - losses
         made.append(Comparison(name, baseline, interval, p[name], adjusted[name], wins, ties, losses))
     return made
@@ -179,6 +199,13 @@ def _differences(system: Sequence[float], baseline: Sequence[float]) -> Floats:
     if len(a) != len(b):
         raise ValueError(f"{len(a)} values of one system and {len(b)} of the other: not the same queries")
     return a - b
+
+
+def _members(groups: Sequence[str], values: int) -> npt.NDArray[np.int64]:
+    """(n,) the number of each value's group."""
+    if len(groups) != values:
+        raise ValueError(f"{len(groups)} groups for {values} values")
+    return np.unique(np.array(list(groups), dtype=np.str_), return_inverse=True)[1].astype(np.int64)
 
 
 def _finite(values: Sequence[float]) -> Floats:

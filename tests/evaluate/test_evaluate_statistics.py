@@ -115,6 +115,21 @@ def test_a_comparison_counts_and_corrects() -> None:
         compare("none", scores)
 
 
+def test_worlds_flip_together() -> None:
+    """Two worlds of ten queries, one system better in both: 20 queries are sure, two worlds are not."""
+    better, worse, worlds = [1.0] * 20, [0.5] * 20, ["a"] * 10 + ["b"] * 10
+    assert permutation_test(better, worse) < 0.001
+    assert permutation_test(better, worse, worlds) == 2 / 4
+    assert permutation_test(better, worse, [f"{i}" for i in range(20)]) == permutation_test(better, worse)
+    (told,) = compare("flat", {"ours": better, "flat": worse}, worlds)
+    assert (told.p, told.difference.low, told.wins) == (0.5, 0.5, 20)
+    mixed = paired_bootstrap([1.0] * 10 + [0.0] * 10, worse, worlds, confidence=0.9)
+    assert (mixed.low, mixed.high) == (-0.5, 0.5)
+    for test in (permutation_test, paired_bootstrap):
+        with pytest.raises(ValueError, match="1 groups for 20 values"):
+            test(better, worse, ["a"])
+
+
 def test_other_queries_are_refused() -> None:
     for test in (permutation_test, paired_bootstrap):
         with pytest.raises(ValueError, match="not the same queries"):
