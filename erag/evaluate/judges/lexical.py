@@ -15,7 +15,9 @@ from erag.evaluate.truth import NodeTruth, Pair
 from erag.forest.terms import content, fold, mentions, stem
 
 # How people ask; none of these is what they ask for.
-ASKING = frozenset({"want", "need", "wish", "like", "please", "somewhere", "someplace", "something", "anything", "i'd"})
+ASKING = frozenset(
+    {"me", "want", "need", "wish", "like", "please", "somewhere", "someplace", "something", "anything", "i'd"}
+)
 
 
 @dataclass(frozen=True)
