@@ -80,8 +80,51 @@ class TreeConfig(_Config):
     judge: JudgeConfig | None = None
 
 
+class _ForestBaselineConfig(_Config):
+    """What the rules of other systems share here: which vector a cluster has, and the context they fill, in tokens."""
+
+    cluster_embedding: Literal["summary", "mean"] = "summary"
+    tokens: Annotated[int, Field(ge=1)]
+
+
+class CollapsedConfig(_ForestBaselineConfig):
+    """RAPTOR's collapsed tree: leaves and clusters in one list, the most similar fill a context of `tokens`."""
+
+    kind: Literal["collapsed"] = "collapsed"
+    tokens: Annotated[int, Field(ge=1)] = 2000
+
+
+class CommunityConfig(_ForestBaselineConfig):
+    """GraphRAG's global search: the clusters at `level` are rated by helpfulness, the best fill a context."""
+
+    kind: Literal["community"] = "community"
+    level: Annotated[int, Field(ge=1)] = 1
+    tokens: Annotated[int, Field(ge=1)] = 12_000
+
+
+class DualConfig(_ForestBaselineConfig):
+    """LightRAG's two levels: the `top_k` nodes for what is specific and the `top_k` clusters for themes, in turn.
+
+    Only those whose cosine is above `threshold` count; a cluster brings the `related` nodes below it that fit best.
+    """
+
+    kind: Literal["dual"] = "dual"
+    top_k: Annotated[int, Field(ge=1)] = 40
+    threshold: Share = 0.2
+    related: Annotated[int, Field(ge=1)] = 5
+    tokens: Annotated[int, Field(ge=1)] = 30_000
+
+
 RetrieverConfig = Annotated[
-    NodeConfig | SentenceConfig | Bm25Config | FusionConfig | TreeConfig, Field(discriminator="kind")
+    NodeConfig
+    | SentenceConfig
+    | Bm25Config
+    | FusionConfig
+    | TreeConfig
+    | CollapsedConfig
+    | CommunityConfig
+    | DualConfig,
+    Field(discriminator="kind"),
 ]
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import cast
 
 import numpy as np
 
@@ -13,19 +11,18 @@ from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import spatial_similarity
 from erag.core.types import Frame, Hit, IntArray, Query, Range
 from erag.lm.roles import LMBackend, Vectors
-from erag.retrieve.bm25 import Bm25Scorer
-from erag.retrieve.config import Bm25Config, FlatConfig, FusionConfig, NodeConfig, RetrieveConfig, TreeConfig
+from erag.retrieve.config import (
+    Bm25Config,
+    RetrieveConfig,
+)
 from erag.retrieve.corpus import Corpus
-from erag.retrieve.expand import ExpandedScorer, Expander
-from erag.retrieve.flat import NodeScorer, SentenceScorer
-from erag.retrieve.fusion import FusionScorer
-from erag.retrieve.judge import ModelJudge, Shortlisted
+from erag.retrieve.expand import Expander
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
 from erag.retrieve.rescore import Rescorer
-from erag.retrieve.scoring import Batch, FlatSearch, LeafScorer, Mask, Reached, Search, best_first
-from erag.retrieve.tree import ClusterJudge, TreeSearch
+from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
+from erag.retrieve.searches import asks_models, search_of
+from erag.retrieve.tree import ClusterJudge
 
-Decide = Callable[[ClusterJudge], ClusterJudge]  # the judge that follows the scores -> the judge that decides
 _BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) arrays
 
 
@@ -58,23 +55,12 @@ class _Read:
     things: tuple[str, ...] = ()
 
 
-def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
-    """The flat retriever a configuration asks for."""
-    if isinstance(config, NodeConfig):
-        return NodeScorer(corpus)
-    if isinstance(config, Bm25Config):
-        return Bm25Scorer(corpus, config)
-    if isinstance(config, FusionConfig):
-        parts = (NodeScorer(corpus), SentenceScorer(corpus), Bm25Scorer(corpus, config.bm25))
-        return FusionScorer(parts, config.k)
-    return SentenceScorer(corpus)
-
-
 class Retriever:
     """Answers queries over one corpus. Indexes are made once, here.
 
     `router` measures distances (straight lines without one), `sensors` holds the declared range of each channel;
-    `backend` plays the roles a configuration gives to language models. `judge` takes the decisions of a tree instead.
+    `backend` plays the roles a configuration gives to language models. `judge` takes the decisions of a tree instead,
+    and `search` finds instead of the configured retriever.
     """
 
     def __init__(
@@ -85,13 +71,14 @@ class Retriever:
         sensors: Mapping[str, Range] | None = None,
         backend: LMBackend | None = None,
         judge: ClusterJudge | None = None,
+        search: Search | None = None,
     ) -> None:
         if corpus.forest.leaves != tuple(node.id for node in corpus.topomap.nodes):
             raise ValueError("the leaves of the forest are not the nodes of the map")
         self._corpus, self._config = corpus, config
-        if backend is None and _asks_models(config):
+        if backend is None and asks_models(config):
             raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
-        self._search = _search(corpus, config, _decider(corpus, config, backend, judge))
+        self._search = search or search_of(corpus, config, backend, judge)
         self._expander = Expander(backend, config.expand) if backend and config.expand else None
         self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None
         self._distances = router or StraightLines(corpus.topomap)
@@ -207,34 +194,6 @@ class Retriever:
             inside = self.eligible(query).any()
             reason = "no text shares a word with the query" if inside else "nothing was observed in the time window"
         return [*notes, reason]
-
-
-def _search(corpus: Corpus, config: RetrieveConfig, decide: Decide | None) -> Search:
-    kind = config.retriever
-    scorer = leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind)
-    if config.expand is not None:
-        scorer = ExpandedScorer(scorer, config.expand.weight)
-    if isinstance(kind, TreeConfig):
-        return TreeSearch(corpus, kind, scorer, decide)
-    return FlatSearch(scorer, int(corpus.searchable.sum()))
-
-
-def _decider(
-    corpus: Corpus, config: RetrieveConfig, backend: LMBackend | None, judge: ClusterJudge | None
-) -> Decide | None:
-    """Who decides in a tree in place of the judge that follows the scores; None where that one does."""
-    asked = config.retriever.judge if isinstance(config.retriever, TreeConfig) else None
-    if judge is None and (asked is None or backend is None):
-        return None
-    model = judge or ModelJudge(corpus, cast(LMBackend, backend), asked is not None and asked.evidence)
-    if asked is None or asked.shortlist is None:
-        return lambda _: model
-    return partial(Shortlisted, then=model, shortlist=asked.shortlist)
-
-
-def _asks_models(config: RetrieveConfig) -> bool:
-    judged = isinstance(config.retriever, TreeConfig) and config.retriever.judge is not None
-    return judged or config.expand is not None or config.rescore is not None
 
 
 def _asks_text(query: Query) -> bool:

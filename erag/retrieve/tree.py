@@ -14,6 +14,7 @@ from erag.lm.roles import Vectors
 from erag.retrieve.config import TreeConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.flat import NodeScorer, SentenceScorer
+from erag.retrieve.rows import cluster_vectors
 from erag.retrieve.scoring import Batch, LeafScorer, Mask, Reached, Scores, best_first, pair_similarity
 from erag.retrieve.spans import leaf_spans
 
@@ -111,7 +112,7 @@ class TreeSearch:
         self._by_score = config.judge.evidence if config.judge else config.evidence > 0 and decide is None
         self._forest, self._leaves = corpus.forest, int(corpus.searchable.sum())
         self._spans = leaf_spans(corpus.forest)
-        self._vectors = (corpus.node_vectors, _cluster_vectors(corpus, config))
+        self._vectors = (corpus.node_vectors, cluster_vectors(corpus, config.cluster_embedding))
 
     def search(self, batch: Batch, eligible: Mask) -> list[Reached]:
         """See `Search`.
@@ -208,12 +209,3 @@ def _leaf_of_rank(rank: IntArray) -> IntArray:
     np.put_along_axis(out, rank, np.broadcast_to(np.arange(n), (q, n)), axis=1)
     out[:, n] = n
     return out
-
-
-def _cluster_vectors(corpus: Corpus, config: TreeConfig) -> Vectors:
-    """(c, d): the vectors clusters are compared by; the mean of a cluster's nodes where it has no summary."""
-    means = corpus.forest.embeddings[corpus.forest.n_leaves :]
-    if config.cluster_embedding == "mean":
-        return means
-    spoken = corpus.summary_vectors.any(axis=1, keepdims=True)
-    return np.where(spoken, corpus.summary_vectors, means)
