@@ -1,0 +1,188 @@
+"""From worlds to a student: features, training, thresholds, 8-bit checkpoint, figures on held-out worlds, card."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from erag.core.errors import ConfigError, InputError
+from erag.core.progress import Progress, quiet
+from erag.core.text import content_hash
+from erag.lm.config import build_backend
+from erag.lm.features import RULES, Maps
+from erag.lm.offline import go_offline
+from erag.lm.roles import LMBackend
+from erag.lm.student_checkpoint import load, save
+from erag.lm.student_words import StudentWords
+from erag.lm.weights import ModelStore
+from erag.study.cache import FeatureCache
+from erag.study.card import write_card
+from erag.study.config import DistilConfig
+from erag.study.examples import Example, Words, every, words_of
+from erag.study.judging import Judged, judge_views, searched
+from erag.study.quality import best_thresholds
+from erag.study.targets import Targets, targets
+from erag.study.worlds import read_worlds
+
+if TYPE_CHECKING:
+    from erag.lm.student_network import StudentNetwork
+
+_NTH = 8  # runs of so many neighbours, every so many runs, set the thresholds
+_COMMON = 0.5
+_ROWS = 64  # images a forward pass
+
+
+@dataclass(frozen=True)
+class Report:
+    """What came of it: the checkpoint, its figures on the training and the held-out worlds, seconds by stage."""
+
+    out: Path
+    bytes: int
+    trained_on: int
+    figures: Mapping[str, Judged]
+    seconds: Mapping[str, float]
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def stage(self, name: str) -> None:
+        now = time.perf_counter()
+        self.seconds[name], self._last = now - self._last, now
+
+
+def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) -> Report:
+    """Train, calibrate and judge a student as configured, and write it with its card.
+
+    Resumable: features are kept block by block, training epoch by epoch. Raises ConfigError where no world is left to
+    train on, InputError for worlds that cannot be read.
+    """
+    go_offline()
+    clock, backend = _Clock(), build_backend(config.backend, store)
+    examples, held_out = _examples(config)
+    words = words_of(examples, config.least_share, config.fewest)
+    if not words.objects:
+        raise InputError(
+            "no class is seen often enough to be learnt", where=str(config.worlds), repair="a lower fewest"
+        )
+    blank = _student_words(config, words, store, backend)
+    clock.stage("read")
+    cache = FeatureCache(config.work / "features", store, config.backbone)
+    maps, truth = _inputs(config, examples, words, cache, backend, progress)
+    clock.stage("features")
+    network = _trained(config, blank, maps, truth, progress)
+    clock.stage("train")
+    _, apart = every(range(len(examples)), _NTH)
+    save(config.out, _calibrated(blank, network, maps, truth, apart), network.state_dict())
+    del maps, truth
+    clock.stage("calibrate")
+    figures = {"training worlds": _judge(config, examples, cache, backend, progress)}
+    if held_out:
+        figures["held-out worlds"] = _judge(config, held_out, cache, backend, progress)
+    clock.stage("judge")
+    report = Report(config.out, config.out.stat().st_size, len(examples), figures, clock.seconds)
+    write_card(config, words, report.trained_on, report.bytes, figures)
+    _write_figures(config, report)
+    return report
+
+
+def _examples(config: DistilConfig) -> tuple[list[Example], list[Example]]:
+    """The examples to train on, and those of the held-out worlds."""
+    overlap = sorted(set(config.train) & set(config.held_out))
+    if overlap:
+        raise ConfigError(f"worlds {overlap} are to be trained on and held out", where="train, held_out")
+    read = read_worlds(config.worlds)
+    names = config.train or tuple(name for name in read if name not in config.held_out)
+    missing = [name for name in (*names, *config.held_out) if name not in read]
+    if missing or not names:
+        raise ConfigError(f"no worlds {missing or 'to train on'}", where=str(config.worlds), allowed=", ".join(read))
+    more = [e for folder in config.extra for world in read_worlds(folder).values() for e in world]
+    return [e for name in names for e in read[name]] + more, [e for name in config.held_out for e in read[name]]
+
+
+def _student_words(config: DistilConfig, words: Words, store: ModelStore, backend: LMBackend) -> StudentWords:
+    return StudentWords(
+        objects=words.objects, attributes=words.attributes, places=words.places, lights=words.lights,
+        thresholds=(_COMMON,) * len(words.objects), dim=backend.embed(["a"], "document").shape[1], width=config.width,
+        depth=config.depth, backbone=config.backbone, weights=store.fingerprint(config.backbone),
+        embedder=backend.identity("embed"), rules=RULES,
+    )  # fmt: skip
+
+
+def _inputs(
+    config: DistilConfig, examples: Sequence[Example], words: Words, cache: FeatureCache, backend: LMBackend,
+    progress: Progress,
+) -> tuple[Maps, Targets]:  # fmt: skip
+    maps = cache.get([e.image for e in examples], progress)
+    captions = sorted({e.caption for e in examples})
+    known = dict(zip(captions, backend.embed(captions, "document"), strict=True))
+    vectors = np.stack([known[e.caption] for e in examples])
+    return maps, targets(examples, words, vectors, config.least_share)
+
+
+def _trained(
+    config: DistilConfig, words: StudentWords, maps: Maps, truth: Targets, progress: Progress
+) -> StudentNetwork:
+    """Trained under a folder named by everything the weights depend on, so that another run never resumes this one."""
+    from erag.study.training import train
+
+    said = content_hash(
+        words.model_dump_json(), config.training.model_dump_json(exclude={"wandb"}), *_digests(maps, truth)
+    )
+    return train(words, config.training, maps, truth, config.work / f"run-{said.hex()[:12]}", progress)
+
+
+def _digests(maps: Maps, truth: Targets) -> list[str]:
+    tensors = [maps.fine, maps.coarse, *vars(truth).values()]
+    return [f"{tuple(t.shape)} {t.double().sum().item()!r} {t.double().square().sum().item()!r}" for t in tensors]
+
+
+def _calibrated(
+    words: StudentWords, network: StudentNetwork, maps: Maps, truth: Targets, rows: Sequence[int]
+) -> StudentWords:
+    """The words with thresholds that suit the examples `rows`."""
+    import torch
+
+    parts = []
+    with torch.inference_mode():
+        for start in range(0, len(rows), _ROWS):
+            some = list(rows[start : start + _ROWS])
+            seen = network(maps.fine[some].float(), maps.coarse[some].float())
+            parts.append(seen.presence.sigmoid().numpy())
+    best = best_thresholds(np.concatenate(parts), truth.presence[list(rows)].numpy())
+    return words.model_copy(update={"thresholds": tuple(round(float(t), 4) for t in best)})
+
+
+def _judge(
+    config: DistilConfig, examples: Sequence[Example], cache: FeatureCache, backend: LMBackend, progress: Progress
+) -> Judged:
+    """How the 8-bit student as it was written does on `examples`."""
+    import torch
+
+    from erag.lm.student import View, read_view
+
+    words, network = load(config.out)
+    maps = cache.get([e.image for e in examples], progress)
+    views: list[View] = []
+    vectors = []
+    with torch.inference_mode():
+        for start in range(0, len(examples), _ROWS):
+            fine, coarse = (part[start : start + _ROWS].float() for part in (maps.fine, maps.coarse))
+            seen = network(fine, coarse)
+            views += [read_view(words, seen, i) for i in range(len(fine))]
+            vectors.append(seen.vector.numpy())
+    search = searched(np.concatenate(vectors), backend.embed([e.caption for e in examples], "document"))
+    return judge_views(views, examples, words.objects, config.least_share, config.resamples, search)
+
+
+def _write_figures(config: DistilConfig, report: Report) -> None:
+    figures = {name: asdict(judged) for name, judged in report.figures.items()}
+    (config.work / "figures.json").write_text(json.dumps({"seconds": dict(report.seconds), **figures}, indent=1))
