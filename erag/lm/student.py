@@ -53,8 +53,10 @@ class Found:
     x: float
     y: float
     share: float
-    attributes: tuple[str, ...] = ()
+    colour: str = ""
+    shape: str = ""
     many: bool = False
+    far: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +163,7 @@ def read_view(words: StudentWords, seen: Seen, row: int = 0) -> View:
     found = [
         Found(
             name, chances[i], float(seen.centre[row, i, 0]), float(seen.centre[row, i, 1]), shares[i],
-            _attributes(words, seen.attributes[row, i]), bool(seen.many[row, i] > 0),
+            *_look(words, seen.looks[row, i]), bool(seen.many[row, i] > 0), bool(seen.far[row, i] > 0),
         )
         for i, name in enumerate(words.objects)
         if chances[i] >= words.thresholds[i]
@@ -173,17 +175,24 @@ def read_view(words: StudentWords, seen: Seen, row: int = 0) -> View:
     return View(words.places[place], float(places[place]), light, tuple(order))
 
 
-def _attributes(words: StudentWords, logits: torch.Tensor) -> tuple[str, ...]:
-    """The likeliest attribute, where it is likelier than not."""
+def _look(words: StudentWords, logits: torch.Tensor) -> tuple[str, str]:
+    """The likeliest colour and the likeliest shape, each "" where it is less likely than not."""
+    split = len(words.colours)
+    return _best(words.colours, logits[:split]), _best(words.shapes, logits[split:])
+
+
+def _best(known: Sequence[str], logits: torch.Tensor) -> str:
+    if not known:
+        return ""
     best = int(logits.argmax())
-    return (words.attributes[best],) if logits[best].sigmoid() >= _SURE else ()
+    return known[best] if logits[best].sigmoid() >= _SURE else ""
 
 
 def spoken(view: View) -> Caption:
     """A view as a caption: the place and the light, then the objects from the largest to the smallest."""
     opening = f"{article(view.place)}{f' {view.light}' if view.light else ''}."
     sightings = [
-        Sighting(f.name, third(f.x), f.attributes, area=f.share, many=f.many, far=f.share < 0.004 and f.y < 0.55)
+        Sighting(f.name, third(f.x), tuple(filter(None, (f.colour, f.shape))), area=f.share, many=f.many, far=f.far)
         for f in view.objects
     ]
     return describe(opening, sightings)

@@ -15,20 +15,24 @@ from torch import nn
 from erag.lm.features import COARSE, FINE
 from erag.lm.student_words import StudentWords
 
+_RARE = -4.0  # logit with which a cell starts: most cells do not show most classes
+
 
 @dataclass(frozen=True, slots=True)
 class Seen:
     """What the network says of b images.
 
-    `presence` (b, c) logits that a class is visible, `centre` (b, c, 2) where (x right, y down, 0 to 1), `attributes`
-    (b, c, a) logits, `many` (b, c) logits of several instances, `cells` (b, c, ROWS, COLUMNS) evidence a cell,
+    `presence` (b, c) logits that a class is visible, `centre` (b, c, 2) where (x right, y down, 0 to 1), `looks`
+    (b, c, a) logits of colours and then shapes, `many` and `far` (b, c) logits of several instances and of being far
+    away, `cells` (b, c, ROWS, COLUMNS) evidence a cell,
     `places` (b, p) logits, `lights` (b, l) logits, `vector` (b, d) unit rows in the space of the text embedder.
     """
 
     presence: torch.Tensor
     centre: torch.Tensor
-    attributes: torch.Tensor
+    looks: torch.Tensor
     many: torch.Tensor
+    far: torch.Tensor
     cells: torch.Tensor
     places: torch.Tensor
     lights: torch.Tensor
@@ -62,12 +66,12 @@ class StudentNetwork(nn.Module):
         self.context = nn.Linear(2 * width, width)
         self.norm = nn.GroupNorm(1, width)
         self.cells = nn.Conv2d(width, classes, 1)
+        nn.init.constant_(cast(torch.Tensor, self.cells.bias), _RARE)
         self.sharpness = nn.Parameter(torch.zeros(classes))
         self.presence = nn.Linear(2 * width, classes)
         self.own = nn.Parameter(torch.zeros(classes, width))
-        self.many = nn.Parameter(torch.zeros(classes, width))
-        self.many_bias = nn.Parameter(torch.zeros(classes))
-        self.attributes = nn.Linear(width, len(words.attributes))
+        self.many, self.far = nn.Linear(width, classes), nn.Linear(width, classes)
+        self.looks = nn.Linear(width, len(words.colours) + len(words.shapes))
         self.places = nn.Linear(2 * width, len(words.places))
         self.lights = nn.Linear(2 * width, len(words.lights))
         self.project = nn.Sequential(
@@ -92,10 +96,10 @@ class StudentNetwork(nn.Module):
         loudest = torch.logsumexp(flat, dim=2) - 3.0  # an object of about e³ = 20 cells reaches its own evidence
         presence = loudest + self.presence(whole) + (own * self.own).sum(dim=2)
         centre = weight @ _positions(cells)  # (b, c, 2)
-        many = (own * self.many).sum(dim=2) + self.many_bias
         vector = self.project(torch.cat([whole, presence.detach().sigmoid()], dim=1))
         return Seen(
-            presence, centre, self.attributes(own), many, cells, self.places(whole), self.lights(whole),
+            presence, centre, self.looks(own), _own(self.many, own), _own(self.far, own), cells,
+            self.places(whole), self.lights(whole),
             nnf.normalize(vector.float(), dim=1),
         )  # fmt: skip
 
@@ -116,6 +120,11 @@ def _scaled(maps: torch.Tensor, scale: torch.Tensor) -> torch.Tensor:
 def _pooled(grid: torch.Tensor) -> torch.Tensor:
     """(b, 2w): the mean and the maximum over the cells."""
     return torch.cat([grid.mean(dim=(2, 3)), grid.amax(dim=(2, 3))], dim=1)
+
+
+def _own(layer: nn.Linear, own: torch.Tensor) -> torch.Tensor:
+    """(b, c): the output of each class for its own features (b, c, w)."""
+    return (own * layer.weight).sum(dim=2) + layer.bias
 
 
 def _positions(cells: torch.Tensor) -> torch.Tensor:

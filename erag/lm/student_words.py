@@ -16,7 +16,8 @@ class StudentWords(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     objects: tuple[str, ...] = Field(min_length=1)
-    attributes: tuple[str, ...] = Field(min_length=1)
+    colours: tuple[str, ...]
+    shapes: tuple[str, ...]
     places: tuple[str, ...] = Field(min_length=1)
     lights: tuple[str, ...] = Field(min_length=1)
     thresholds: tuple[float, ...]

@@ -20,18 +20,12 @@ from erag.lm.images import Picture, Pixels, load_all, resized
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Caption, ImagePath, RoleName
 from erag.lm.scenery import scenery
+from erag.lm.views import VIEWS, views
 from erag.lm.weights import ModelStore
-from erag.lm.wording import Side, Sighting, article, describe, listed
+from erag.lm.wording import Sighting, article, describe, listed
 
 RULES = 1  # changes when other captions would come out of the same weights
 RUNTIME = ("torch", "pillow")
-# (left, top, right, bottom) as shares of the image, and the side of the view it stands for
-_VIEWS: tuple[tuple[tuple[float, float, float, float], Side], ...] = (
-    ((0.0, 0.0, 1.0, 1.0), "around"),
-    ((0.0, 0.1, 0.6, 0.9), "left"),
-    ((0.2, 0.1, 0.8, 0.9), "middle"),
-    ((0.4, 0.1, 1.0, 0.9), "right"),
-)
 
 
 class TaggerConfig(BaseModel):
@@ -118,9 +112,9 @@ class Tagger:
 
         if self._network is None:
             self._network = load_network(self._store.path(self._config.model))
-        views = [resized(_cut(pixels, box), SIDE, SIDE) for box, _ in _VIEWS]
+        shown = [resized(view, SIDE, SIDE) for view in views(pixels)]
         with torch.inference_mode():
-            chances: npt.NDArray[np.float32] = self._network.logits(batch(views)).softmax(dim=1).numpy()
+            chances: npt.NDArray[np.float32] = self._network.logits(batch(shown)).softmax(dim=1).numpy()
         return chances
 
     def _opening(self, chances: npt.NDArray[np.float32], pixels: Pixels) -> str:
@@ -136,7 +130,7 @@ class Tagger:
         for word, row in words.items():
             view = int(row.argmax())
             if row[view] >= self._config.sure:
-                found.append(Sighting(word, _VIEWS[view][1], area=float(row[view])))
+                found.append(Sighting(word, VIEWS[view][1], area=float(row[view])))
         return found
 
     def _doubts(self, chances: npt.NDArray[np.float32]) -> str:
@@ -154,9 +148,3 @@ def _by_word(chances: npt.NDArray[np.float32]) -> Mapping[str, npt.NDArray[np.fl
         sums[word] = sums.get(word, np.zeros(len(chances), np.float32)) + chances[:, i]
     return sums
 
-
-def _cut(pixels: Pixels, box: tuple[float, float, float, float]) -> Pixels:
-    height, width, _ = pixels.shape
-    left, top, right, bottom = box
-    rows = slice(int(top * height), max(int(bottom * height), int(top * height) + 1))
-    return pixels[rows, int(left * width) : max(int(right * width), int(left * width) + 1)]

@@ -22,12 +22,12 @@ def _head(config: DistilConfig, words: Words, trained_on: int, size: int) -> str
     return f"""# {config.out.stem}
 
 The `student` captioner: a small network over frozen features of {config.backbone}, which says the objects in view and
-where, their attributes, the place and the light, and gives a vector that text can find.
+where, their looks, the place and the light, and gives a vector that text can find.
 
 Made by `erag distil --config configs/distil/captioner.yaml` from {trained_on} rendered images of simulated worlds
 ({config.training.epochs} epochs, seed {config.training.seed}). {size:,} bytes, 8-bit weights. It knows
-{len(words.objects)} classes, {len(words.attributes)} attributes and {len(words.places)} places, listed in the file's
-header. Licence as the project's (MIT); the backbone is Apache-2.0.
+{len(words.objects)} classes, {len(words.colours)} colours, {len(words.shapes)} shapes and {len(words.places)} places,
+listed in the file's header. Licence as the project's (MIT); the backbone is Apache-2.0.
 
 It has seen rendered worlds only: on photographs its words are guesses. An object counts as visible from
 {config.least_share:.0%} of the image on.
@@ -48,7 +48,7 @@ def _figures(name: str, judged: Judged) -> str:
         f"| place named rightly | {q.place} |",
         *(f"| F1 in {world} | {measured} |" for world, measured in judged.worlds.items()),
         f"| median distance from the true centre | {_number(judged.offset)} of the image |",
-        f"| attribute right, where one is said ({_number(judged.said)}) | {_number(judged.attributes)} |",
+        f"| colour right, where one is said ({_number(judged.said)} of those with one) | {_number(judged.colours)} |",
     ]
     if judged.search:
         lines.append(f"| image found by its caption: first, in five | {judged.search[0]:.3f}, {judged.search[1]:.3f} |")

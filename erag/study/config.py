@@ -29,7 +29,8 @@ class TrainingConfig(BaseModel):
 class DistilConfig(BaseModel):
     """A captioner taught by simulated worlds.
 
-    `worlds` is the folder that `erag sim build` wrote; worlds in `held_out` are never trained on. `work` keeps cached
+    `worlds` is where data sets are: `seedN` for each of `seeds`, with the worlds `train`, and `held-outN` for the first
+    seed, with the worlds `held_out`, which are never trained on; what is missing is rendered. `work` keeps cached
     features, checkpoints and logs; `out` is the student's file, its card is written beside it.
     """
 
@@ -37,9 +38,9 @@ class DistilConfig(BaseModel):
 
     kind: Literal["captioner"]
     worlds: Path
-    train: tuple[str, ...] = ()
+    train: tuple[str, ...] = Field(min_length=1)
     held_out: tuple[str, ...] = ()
-    extra: tuple[Path, ...] = ()
+    seeds: tuple[int, ...] = Field((0,), min_length=1)
     work: Path = Path("experiments/distil/captioner")
     out: Path = Path("checkpoints/captioner.safetensors")
     backbone: str = "efficientnet-lite0"

@@ -28,7 +28,7 @@ from erag.study.examples import Example, Words, every, words_of
 from erag.study.judging import Judged, judge_views, searched
 from erag.study.quality import best_thresholds
 from erag.study.targets import Targets, targets
-from erag.study.worlds import read_worlds
+from erag.study.worlds import read_worlds, render
 
 if TYPE_CHECKING:
     from erag.lm.student_network import StudentNetwork
@@ -67,7 +67,7 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     """
     go_offline()
     clock, backend = _Clock(), build_backend(config.backend, store)
-    examples, held_out = _examples(config)
+    examples, held_out = _examples(config, progress)
     words = words_of(examples, config.least_share, config.fewest)
     if not words.objects:
         raise InputError(
@@ -94,23 +94,29 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     return report
 
 
-def _examples(config: DistilConfig) -> tuple[list[Example], list[Example]]:
-    """The examples to train on, and those of the held-out worlds."""
+def _examples(config: DistilConfig, progress: Progress) -> tuple[list[Example], list[Example]]:
+    """The examples to train on, and those of the held-out worlds; data sets that are missing are rendered."""
     overlap = sorted(set(config.train) & set(config.held_out))
     if overlap:
         raise ConfigError(f"worlds {overlap} are to be trained on and held out", where="train, held_out")
-    read = read_worlds(config.worlds)
-    names = config.train or tuple(name for name in read if name not in config.held_out)
-    missing = [name for name in (*names, *config.held_out) if name not in read]
-    if missing or not names:
-        raise ConfigError(f"no worlds {missing or 'to train on'}", where=str(config.worlds), allowed=", ".join(read))
-    more = [e for folder in config.extra for world in read_worlds(folder).values() for e in world]
-    return [e for name in names for e in read[name]] + more, [e for name in config.held_out for e in read[name]]
+    examples = []
+    for seed in config.seeds:
+        folder = config.worlds / f"seed{seed}"
+        read = _data_set(folder, config.train, seed, progress)
+        examples += [e for name in config.train for e in read[name]]
+    read = _data_set(config.worlds / f"held-out{config.seeds[0]}", config.held_out, config.seeds[0], progress)
+    return examples, [e for name in config.held_out for e in read[name]]
+
+
+def _data_set(folder: Path, names: Sequence[str], seed: int, progress: Progress) -> Mapping[str, list[Example]]:
+    if not all((folder / "truth" / f"{name}.jsonl").is_file() for name in names):
+        render(folder, names, seed, progress)
+    return read_worlds(folder) if names else {}
 
 
 def _student_words(config: DistilConfig, words: Words, store: ModelStore, backend: LMBackend) -> StudentWords:
     return StudentWords(
-        objects=words.objects, attributes=words.attributes, places=words.places, lights=words.lights,
+        objects=words.objects, colours=words.colours, shapes=words.shapes, places=words.places, lights=words.lights,
         thresholds=(_COMMON,) * len(words.objects), dim=backend.embed(["a"], "document").shape[1], width=config.width,
         depth=config.depth, backbone=config.backbone, weights=store.fingerprint(config.backbone),
         embedder=backend.identity("embed"), rules=RULES,

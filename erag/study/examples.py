@@ -18,8 +18,8 @@ T = TypeVar("T")
 class Thing:
     """All instances of a class in an image: their share of it (0 to 1), how many, and where the largest is.
 
-    `x` right and `y` down, 0 to 1; `cells` (r, k) is the share of each cell of a grid that the class covers, None
-    where only position and share are known.
+    `x` right and `y` down, 0 to 1; `metres` from the camera; `cells` (r, k) is how much of each cell of a grid the
+    class covers, None where that is not known.
     """
 
     name: str
@@ -27,7 +27,9 @@ class Thing:
     x: float
     y: float
     number: int = 1
-    attributes: tuple[str, ...] = ()
+    colour: str = ""
+    shape: str = ""
+    metres: float = 0.0
     cells: npt.NDArray[np.float32] | None = None
 
 
@@ -52,25 +54,29 @@ class Words:
     """The words of a set of examples, sorted."""
 
     objects: tuple[str, ...]
-    attributes: tuple[str, ...]
+    colours: tuple[str, ...]
+    shapes: tuple[str, ...]
     places: tuple[str, ...]
     lights: tuple[str, ...]
 
 
 def words_of(examples: Iterable[Example], least: float, fewest: int) -> Words:
-    """Classes and attributes that are seen in at least `fewest` images, and all places and lights."""
+    """Classes, colours and shapes that are seen in at least `fewest` images, and all places and lights."""
     objects: Counter[str] = Counter()
-    attributes: Counter[str] = Counter()
+    colours: Counter[str] = Counter()
+    shapes: Counter[str] = Counter()
     places: set[str] = set()
     lights: set[str] = set()
     for example in examples:
         objects.update(example.seen(least))
-        attributes.update({a for thing in example.things if thing.share >= least for a in thing.attributes})
+        colours.update({thing.colour for thing in example.things if thing.share >= least and thing.colour})
+        shapes.update({thing.shape for thing in example.things if thing.share >= least and thing.shape})
         places.add(example.place)
         lights.add(example.light)
     return Words(
-        _frequent(objects, fewest), _frequent(attributes, fewest) or ("",), tuple(sorted(places)), tuple(sorted(lights))
-    )
+        _frequent(objects, fewest), _frequent(colours, fewest), _frequent(shapes, fewest),
+        tuple(sorted(places)), tuple(sorted(lights)),
+    )  # fmt: skip
 
 
 def _frequent(counts: Counter[str], fewest: int) -> tuple[str, ...]:

@@ -18,15 +18,15 @@ class Judged:
     """Figures of a captioner on some worlds.
 
     `offset` is the median distance between said and true centre as a share of the image's width and height,
-    `attributes` the share of rightly found objects whose attribute, where one was said, is true, `said` how often one
-    was said; `search` the shares of captions whose image is first, or among the first five, when all images are
-    searched by the caption's vector. None where the captioner says nothing of the kind.
+    `colours` the share of rightly found objects whose colour is true where one was said, `said` how often it was;
+    `search` the shares of captions whose image is first, or among the first five, when all images are searched by the
+    caption's vector. None where the captioner says nothing of the kind.
     """
 
     quality: Quality
     worlds: Mapping[str, Measured]
     offset: float | None = None
-    attributes: float | None = None
+    colours: float | None = None
     said: float | None = None
     search: tuple[float, float] | None = None
 
@@ -40,13 +40,14 @@ def judge_views(
     base = judge_words(said, [view.place for view in views], examples, names, least, resamples)
     pairs = _pairs(views, examples, least)
     offsets = [np.hypot(f.x - t.x, f.y - t.y) for f, t in pairs]
-    spoken = [(f.attributes[0], t.attributes) for f, t in pairs if f.attributes and t.attributes]
+    coloured = [(f.colour, t.colour) for f, t in pairs if t.colour]
+    spoken = [said == true for said, true in coloured if said]
     return Judged(
         base.quality,
         base.worlds,
         offset=float(np.median(offsets)) if offsets else None,
-        attributes=float(np.mean([a in true for a, true in spoken])) if spoken else None,
-        said=len(spoken) / max(1, sum(bool(t.attributes) for _, t in pairs)),
+        colours=float(np.mean(spoken)) if spoken else None,
+        said=len(spoken) / max(1, len(coloured)),
         search=search,
     )
 

@@ -10,28 +10,31 @@ import numpy as np
 
 from erag.lm.features import COLUMNS, ROWS
 from erag.lm.roles import Vectors
-from erag.study.examples import Example, Thing, Words
+from erag.study.examples import Example, Words
 
 if TYPE_CHECKING:
     import torch
 
 _UNSURE = 0.5  # of the least share: what covers less than it and more than this is neither there nor absent
 UNKNOWN = -1
+_FEW = 2  # more instances than this are several
+_NEAR = 20.0  # metres, beyond which a thing is in the distance
 
 
 @dataclass(frozen=True)
 class Targets:
     """What the outputs for n examples should be.
 
-    `presence` (n, c) 1, 0, or -1 where it does not count; `centre` (n, c, 2); `attributes` (n, c, a) 1, 0 or -1;
-    `many` (n, c) 1, 0 or -1; `cells` (n, c, r, k) uint8, 255 is a cell fully covered, and `drawn` (n,) whether they
-    are known; `places`, `lights` (n,) int64, -1 unknown; `vector` (n, d) of the caption.
+    `presence` (n, c) 1, 0, or -1 where it does not count; `centre` (n, c, 2); `looks` (n, c, a) of colours and then
+    shapes, 1, 0 or -1; `many` and `far` (n, c) 1, 0 or -1; `cells` (n, c, r, k) uint8, 255 is a cell fully
+    covered, and `drawn` (n,) whether they are known; `places`, `lights` (n,) int64, -1 unknown; `vector` (n, d) of the caption.
     """
 
     presence: torch.Tensor
     centre: torch.Tensor
-    attributes: torch.Tensor
+    looks: torch.Tensor
     many: torch.Tensor
+    far: torch.Tensor
     cells: torch.Tensor
     drawn: torch.Tensor
     places: torch.Tensor
@@ -47,11 +50,11 @@ def targets(examples: Sequence[Example], words: Words, vectors: Vectors, least: 
     """The targets of `examples`; `vectors` (n, d) are their captions' embeddings."""
     import torch
 
-    n, c, a = len(examples), len(words.objects), len(words.attributes)
+    n, c = len(examples), len(words.objects)
     row = {name: i for i, name in enumerate(words.objects)}
-    column = {name: i for i, name in enumerate(words.attributes)}
-    presence, many = np.zeros((n, c), np.int8), np.full((n, c), UNKNOWN, np.int8)
-    centre, attributes = np.zeros((n, c, 2), np.float32), np.full((n, c, a), UNKNOWN, np.int8)
+    presence, centre = np.zeros((n, c), np.int8), np.zeros((n, c, 2), np.float32)
+    many, far = (np.full((n, c), UNKNOWN, np.int8) for _ in range(2))
+    looks = np.full((n, c, len(words.colours) + len(words.shapes)), UNKNOWN, np.int8)
     cells = np.zeros((n, c, ROWS, COLUMNS), np.uint8)
     for i, example in enumerate(examples):
         for thing in example.things:
@@ -62,25 +65,22 @@ def targets(examples: Sequence[Example], words: Words, vectors: Vectors, least: 
             if thing.cells is not None:
                 cells[i, j] = np.round(thing.cells * 255).astype(np.uint8)
             if thing.share >= least:
-                centre[i, j], many[i, j] = (thing.x, thing.y), thing.number > 2
-                _describe(thing, attributes[i, j], column)
+                centre[i, j] = thing.x, thing.y
+                many[i, j], far[i, j] = thing.number > _FEW, thing.metres > _NEAR
+                looks[i, j] = (*_code(words.colours, thing.colour), *_code(words.shapes, thing.shape))
     drawn = [any(t.cells is not None for t in e.things) or not e.things for e in examples]
     return Targets(
-        torch.from_numpy(presence), torch.from_numpy(centre), torch.from_numpy(attributes), torch.from_numpy(many),
-        torch.from_numpy(cells), torch.tensor(drawn),
+        torch.from_numpy(presence), torch.from_numpy(centre), torch.from_numpy(looks), torch.from_numpy(many),
+        torch.from_numpy(far), torch.from_numpy(cells), torch.tensor(drawn),
         places=torch.tensor(_codes(words.places, [e.place for e in examples])),
         lights=torch.tensor(_codes(words.lights, [e.light for e in examples])),
         vector=torch.from_numpy(vectors),
     )  # fmt: skip
 
 
-def _describe(thing: Thing, row: np.ndarray, column: dict[str, int]) -> None:
-    """Set the attributes of a thing in its row (a,); without any stated, nothing is known of them."""
-    if thing.attributes:
-        row[:] = 0
-        for attribute in thing.attributes:
-            if attribute in column:
-                row[column[attribute]] = 1
+def _code(known: Sequence[str], said: str) -> list[int]:
+    """1 for the word that is said, 0 for the others; where nothing is said, nothing is known."""
+    return [int(word == said) for word in known] if said else [UNKNOWN] * len(known)
 
 
 def _codes(known: Sequence[str], said: Sequence[str]) -> list[int]:

@@ -6,6 +6,7 @@ This module imports torch and Lightning; it is itself imported only where a stud
 from __future__ import annotations
 
 import copy
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -122,12 +123,14 @@ def _mirrored(truth: Targets) -> Targets:
 
 
 def losses(seen: Seen, truth: Targets) -> Losses:
-    """The parts of the loss, weighted: presence, cells, centre, attributes, many, place, light, text."""
+    """The parts of the loss, weighted: presence, cells, centre, looks, many, far, place, light, text."""
     there = truth.presence == 1
+    classes = truth.presence.shape[1]
     parts = {
-        "presence": 20 * _binary(seen.presence, truth.presence),
-        "attributes": 2 * _binary(seen.attributes, truth.attributes),
+        "presence": classes * _binary(seen.presence, truth.presence),
+        "looks": 2 * _binary(seen.looks, truth.looks),
         "many": 0.3 * _binary(seen.many, truth.many),
+        "far": 0.3 * _binary(seen.far, truth.far),
         "centre": 3 * (seen.centre - truth.centre).abs()[there].mean() if there.any() else seen.centre.sum() * 0,
         "place": 0.5 * _choice(seen.places, truth.places),
         "light": 0.2 * _choice(seen.lights, truth.lights),
@@ -135,7 +138,7 @@ def losses(seen: Seen, truth: Targets) -> Losses:
     }
     if truth.drawn.any():
         share = truth.cells[truth.drawn].float() / 255
-        parts["cells"] = 20 * nnf.binary_cross_entropy_with_logits(seen.cells[truth.drawn], share)
+        parts["cells"] = classes * nnf.binary_cross_entropy_with_logits(seen.cells[truth.drawn], share)
     return parts
 
 
@@ -169,7 +172,7 @@ class _Saving(lightning.Callback):
     def on_train_epoch_end(self, trainer: lightning.Trainer, pl_module: lightning.LightningModule) -> None:
         del pl_module
         fresh = self._folder / "fresh.ckpt"
-        trainer.save_checkpoint(fresh)
+        trainer.save_checkpoint(fresh, weights_only=False)
         fresh.replace(self._folder / LAST)
         self._progress("epochs", trainer.current_epoch + 1, trainer.max_epochs or 0)
 
@@ -184,6 +187,7 @@ def train(
     count, size = len(maps.fine), config.batch_size
     if count < size:
         raise InputError(f"{count} images to train on", allowed=f"at least a batch of {size}")
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advertises
     torch.set_num_threads(config.threads or torch.get_num_threads())
     folder.mkdir(parents=True, exist_ok=True)
     module = Distillation(words, config, maps, truth, steps=config.epochs * (count // size))

@@ -1,83 +1,125 @@
-"""Simulated worlds as examples: a folder a world, with images and `truth.jsonl`."""
+"""Simulated worlds as examples: the data set that `erag sim build` writes, made first where it is not there yet."""
 
 from __future__ import annotations
 
+import importlib
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from erag.core.errors import InputError
+from erag.core.errors import ConfigError, InputError
+from erag.core.progress import Progress, quiet
+from erag.lm.features import COLUMNS, ROWS
 from erag.study.examples import Example, Thing
 
-TRUTH = "truth.jsonl"
 _MAX_LINE = 1 << 20
+_LIGHTS = {
+    "morning": "in the morning", "midday": "at midday", "overcast": "under an overcast sky",
+    "evening": "in the evening", "night": "at night", "indoor": "",
+}  # fmt: skip
+_WEATHERS = {"misty": "in mist", "snow": "in snow"}
 
 
 class _Object(BaseModel):
-    """A visible object of a row."""
+    """A visible instance: its class, its share of the image, its box (x0, y0, x1, y1; y down, 0 to 1)."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    name: str = Field(alias="class", min_length=1, max_length=80)
+    name: str = Field(min_length=1, max_length=80)
     share: float = Field(ge=0, le=1)
-    centre: tuple[float, float]
-    attributes: tuple[str, ...] = ()
+    box: tuple[float, float, float, float]
+    colour: str = ""
+    shape: str = ""
+    metres: float = Field(0.0, ge=0)
 
 
 class _Row(BaseModel):
-    """An image and what is known to be in it."""
+    """A frame and what is known to be in it."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    image: str = Field(min_length=1, max_length=400)
+    node: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,199}$")
     place: str
     light: str = ""
+    weather: str = ""
     caption: str
     objects: tuple[_Object, ...] = ()
 
 
 def read_worlds(folder: Path) -> Mapping[str, list[Example]]:
-    """The examples of each world in `folder`, by the name of its folder. Raises InputError for what cannot be read."""
-    found = sorted(path.parent for path in folder.glob(f"*/{TRUTH}"))
+    """The examples of each world of a data set, by name. Raises InputError for what cannot be read."""
+    found = sorted((folder / "truth").glob("*.jsonl"))
     if not found:
-        raise InputError(f"holds no folder with {TRUTH}", where=str(folder), repair=f"erag sim build --out {folder}")
-    return {world.name: _world(world) for world in found}
+        raise InputError("holds no data set of worlds", where=str(folder), repair=f"erag sim build --out {folder}")
+    return {path.stem: _world(folder, path) for path in found}
 
 
-def _world(folder: Path) -> list[Example]:
+def render(folder: Path, worlds: Sequence[str], seed: int, progress: Progress = quiet) -> None:
+    """Make the data set of some worlds (none: all) from a seed; what is there already stays as it is.
+
+    Raises ConfigError where the simulator is not installed or knows no such world.
+    """
+    try:
+        dataset = importlib.import_module("erag.sim.dataset")
+    except ImportError as error:
+        raise ConfigError(
+            f"{error.name} is not installed", where=str(folder), repair="pip install 'erag[sim]'"
+        ) from error
+    dataset.build(folder, dataset.Plan(worlds=tuple(worlds), seed=seed), progress)
+
+
+def _world(folder: Path, path: Path) -> list[Example]:
     examples = []
-    with (folder / TRUTH).open(encoding="utf-8") as lines:
+    with path.open(encoding="utf-8") as lines:
         for number, line in enumerate(lines, 1):
-            where = f"{folder / TRUTH}:{number}"
+            where = f"{path}:{number}"
             if len(line) > _MAX_LINE:
                 raise InputError(f"a line of {len(line)} characters", where=where, allowed=f"up to {_MAX_LINE}")
-            examples.append(_example(folder, line, where))
+            examples.append(_example(folder / "worlds" / path.stem / "images", path.stem, line, where))
     return examples
 
 
-def _example(folder: Path, line: str, where: str) -> Example:
+def _example(images: Path, world: str, line: str, where: str) -> Example:
     try:
         row = _Row.model_validate_json(line)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise InputError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}", where=where) from error
-    image = folder / row.image
-    if not image.resolve().is_relative_to(folder.resolve()):
-        raise InputError(f"the image {row.image!r} lies outside the world", where=where)
-    return Example(image, folder.name, row.place, row.light, row.caption, _things(row.objects))
+    light = " ".join(filter(None, (_LIGHTS.get(row.light, row.light), _WEATHERS.get(row.weather, ""))))
+    return Example(images / f"{row.node}.jpg", world, row.place, light, row.caption, _things(row.objects))
 
 
 def _things(objects: tuple[_Object, ...]) -> tuple[Thing, ...]:
-    """The objects by class: shares added up, place and attributes of the largest."""
+    """The objects by class: shares added up; place, distance and look of the largest."""
     by_name: dict[str, list[_Object]] = defaultdict(list)
     for item in objects:
         by_name[item.name].append(item)
-    things = []
-    for name, items in by_name.items():
-        largest = max(items, key=lambda o: o.share)
-        share = min(1.0, float(np.sum([o.share for o in items])))
-        things.append(Thing(name, share, *largest.centre, len(items), largest.attributes))
-    return tuple(things)
+    return tuple(_thing(name, items) for name, items in by_name.items())
+
+
+def _thing(name: str, items: Sequence[_Object]) -> Thing:
+    largest = max(items, key=lambda o: o.share)
+    left, top, right, bottom = largest.box
+    return Thing(
+        name, min(1.0, sum(o.share for o in items)), (left + right) / 2, (top + bottom) / 2, len(items),
+        largest.colour, largest.shape, largest.metres, np.max([_cells(o) for o in items], axis=0),
+    )  # fmt: skip
+
+
+def _cells(item: _Object) -> npt.NDArray[np.float32]:
+    """(ROWS, COLUMNS) how much of each cell an object covers, as if it filled its box evenly."""
+    left, top, right, bottom = item.box
+    area = max((right - left) * (bottom - top), 1e-6)
+    across, down = _overlap(left, right, COLUMNS), _overlap(top, bottom, ROWS)
+    return (np.outer(down, across) * min(1.0, item.share / area)).astype(np.float32)
+
+
+def _overlap(start: float, end: float, cells: int) -> npt.NDArray[np.float64]:
+    """(cells,) the share of each of the equal parts of [0, 1] that lies in [start, end]."""
+    edges = np.linspace(0, 1, cells + 1)
+    inside: npt.NDArray[np.float64] = np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0, None)
+    return inside * cells

@@ -20,15 +20,20 @@ def _shape(draw: ImageDraw.ImageDraw, name: str, at: tuple[int, int], size: int,
         return float(np.pi * size**2)
     if name == "crate":
         draw.rectangle(box, fill)
+        for stripe in range(y - size + 3, y + size, 8):
+            draw.line((x - size, stripe, x + size, stripe), (10, 10, 10), 3)
         return float((2 * size) ** 2)
     draw.polygon([(x, y - size), (x - size, y + size), (x + size, y + size)], fill)
+    draw.polygon([(x, y - size // 2), (x - size // 2, y + size), (x + size // 2, y + size)], (250, 250, 250))
     return float(2 * size**2)
 
 
-def draw_world(folder: Path, count: int, seed: int) -> Path:
-    """Write `count` images and their truth; each holds up to two shapes, one on each half."""
+def draw_world(folder: Path, world: str, count: int, seed: int) -> None:
+    """Write `count` images and their truth as the simulator does; each holds up to two shapes, one on each half."""
     generator = np.random.default_rng(seed)
-    folder.mkdir(parents=True)
+    images = folder / "worlds" / world / "images"
+    images.mkdir(parents=True)
+    (folder / "truth").mkdir(exist_ok=True)
     rows = []
     for i in range(count):
         place = str(generator.choice(sorted(GROUNDS)))
@@ -43,12 +48,14 @@ def draw_world(folder: Path, count: int, seed: int) -> Path:
             at = (int(generator.integers(32, 64)) + half * 96, int(generator.integers(40, 104)))
             area = _shape(draw, name, at, size, COLOURS[colour])
             objects.append(
-                {"class": name, "share": area / (WIDTH * HEIGHT), "centre": [at[0] / WIDTH, at[1] / HEIGHT],
-                 "attributes": [colour]}
+                {"name": name, "share": area / (WIDTH * HEIGHT), "colour": colour, "metres": 3.0,
+                 "box": [(at[0] - size) / WIDTH, (at[1] - size) / HEIGHT,
+                         (at[0] + size) / WIDTH, (at[1] + size) / HEIGHT]}
             )  # fmt: skip
-        image.save(folder / f"{i:03}.png")
-        said = " and ".join(f"a {o['attributes'][0]} {o['class']}" for o in objects) or "nothing"
+        image.save(images / f"{world}-{i:03}.jpg", quality=95)
+        said = " and ".join(f"a {o['colour']} {o['name']}" for o in objects) or "nothing"
         caption = f"A {place}. In view: {said}."
-        rows.append({"image": f"{i:03}.png", "place": place, "caption": caption, "objects": objects})
-    (folder / "truth.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    return folder
+        rows.append(
+            {"node": f"{world}-{i:03}", "place": place, "light": "midday", "caption": caption, "objects": objects}
+        )
+    (folder / "truth" / f"{world}.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
