@@ -196,11 +196,11 @@ def _rows(model: Any, tokenise: Any, words: Sequence[str], forms: Sequence[str])
     import torch
     from torch.nn.functional import normalize
 
-    total = 0.0
+    total: Any = 0.0
     with torch.inference_mode():
         for form in forms:
             said = [form.format(word if word.startswith(("in ", "under ", "at ")) else article(word)) for word in words]
             parts = [model.encode_text(tokenise([text])).float() for text in said]
             total = total + normalize(torch.cat(parts), dim=1)
-        rows: torch.Tensor = normalize(total, dim=1)  # type: ignore[arg-type]
+        rows: torch.Tensor = normalize(total, dim=1)
     return rows

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from erag.lm.blip import Blip, BlipConfig
+from erag.lm.clip import Clip, ClipConfig
 from erag.lm.compose import compose
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
 from erag.lm.roles import LMBackend, Model, RoleName, Roles
 from erag.lm.sentence import SentenceConfig, SentenceEmbedder
+from erag.lm.student import Student, StudentConfig
+from erag.lm.tagger import Tagger, TaggerConfig
+from erag.lm.vlm import Vlm, VlmConfig
 from erag.lm.weights import ModelStore
 
-ModelConfig = Annotated[SentenceConfig | FakeConfig, Field(discriminator="kind")]
+ModelConfig = Annotated[
+    SentenceConfig | TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | FakeConfig,
+    Field(discriminator="kind"),
+]
+_LEAVES: tuple[tuple[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]], ...] = (
+    (SentenceConfig, SentenceEmbedder),
+    (TaggerConfig, Tagger),
+    (StudentConfig, Student),
+    (ClipConfig, Clip),
+    (BlipConfig, Blip),
+    (VlmConfig, Vlm),
+)
 
 
 def _default_models() -> dict[str, ModelConfig]:
@@ -39,6 +56,7 @@ def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | Non
 
 
 def _model(config: ModelConfig, store: ModelStore, ledger: Ledger | None) -> Model:
-    if isinstance(config, FakeConfig):
-        return Fake(config)
-    return SentenceEmbedder(config, store, ledger)
+    for kind, leaf in _LEAVES:
+        if isinstance(config, kind):
+            return leaf(config, store, ledger)
+    return Fake(config if isinstance(config, FakeConfig) else None)

@@ -147,4 +147,3 @@ def _by_word(chances: npt.NDArray[np.float32]) -> Mapping[str, npt.NDArray[np.fl
         word = labels()[i].word
         sums[word] = sums.get(word, np.zeros(len(chances), np.float32)) + chances[:, i]
     return sums
-

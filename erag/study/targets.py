@@ -26,8 +26,8 @@ class Targets:
     """What the outputs for n examples should be.
 
     `presence` (n, c) 1, 0, or -1 where it does not count; `centre` (n, c, 2); `looks` (n, c, a) of colours and then
-    shapes, 1, 0 or -1; `many` and `far` (n, c) 1, 0 or -1; `cells` (n, c, r, k) uint8, 255 is a cell fully
-    covered, and `drawn` (n,) whether they are known; `places`, `lights` (n,) int64, -1 unknown; `vector` (n, d) of the caption.
+    shapes, 1, 0 or -1; `many` and `far` (n, c) 1, 0 or -1; `cells` (n, c, r, k) uint8, 255 is a cell fully covered, and
+    `drawn` (n,) whether they are known; `places`, `lights` (n,) int64, -1 unknown; `vector` (n, d) of the caption.
     """
 
     presence: torch.Tensor

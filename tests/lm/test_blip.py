@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from eyes_models import store_of
 from PIL import Image
 
 from erag.core.errors import ModelError
 from erag.lm.blip import Blip, BlipConfig, Preparation
 from erag.lm.offline import go_offline
 from erag.lm.weights import ModelStore
-from tests.lm.folders import store_of
 
 go_offline()
 transformers = pytest.importorskip("transformers", reason="needs erag[blip]")

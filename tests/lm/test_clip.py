@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eyes_models import store_of
 from PIL import Image
 
 from erag.core.errors import ConfigError, ModelError
 from erag.lm.clip import Clip, ClipConfig, read_words
 from erag.lm.offline import go_offline
 from erag.lm.weights import ModelStore
-from tests.lm.folders import store_of
 
 go_offline()
 
@@ -20,7 +20,12 @@ CONFIG = {
     "vision_cfg": {"image_size": 32, "layers": 2, "width": 32, "patch_size": 16, "head_width": 16},
     "text_cfg": {"context_length": 77, "vocab_size": 49408, "width": 32, "heads": 2, "layers": 2},
 }
-PREPARED = {"mean": [0.48, 0.45, 0.40], "std": [0.26, 0.26, 0.27], "interpolation": "bicubic", "resize_mode": "shortest"}
+PREPARED = {
+    "mean": [0.48, 0.45, 0.40],
+    "std": [0.26, 0.26, 0.27],
+    "interpolation": "bicubic",
+    "resize_mode": "shortest",
+}
 
 
 @pytest.fixture(scope="module")

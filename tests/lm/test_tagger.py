@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import torch.nn.functional as nnf
+from eyes_models import random_state
 
 from erag.core.errors import ModelError
 from erag.lm import efficientnet
@@ -13,31 +14,6 @@ from erag.lm.efficientnet import EfficientNetLite0, batch, load_network
 from erag.lm.images import BadImages, load, resized
 from erag.lm.tagger import Tagger, TaggerConfig, labels
 from erag.lm.weights import ModelStore, default_store
-
-
-def random_state(seed: int = 0) -> dict[str, torch.Tensor]:
-    """A state dict of the real form with random weights."""
-    torch.manual_seed(seed)
-    state: dict[str, torch.Tensor] = {}
-
-    def conv(name: str, norm: str, out: int, into: int, kernel: int) -> None:
-        state[f"{name}.weight"] = torch.randn(out, into, kernel, kernel) / (into * kernel * kernel) ** 0.5
-        state[f"{norm}.weight"], state[f"{norm}.bias"] = torch.rand(out) + 0.5, torch.randn(out) * 0.1
-        state[f"{norm}.running_mean"], state[f"{norm}.running_var"] = torch.randn(out) * 0.1, torch.rand(out) + 0.5
-
-    conv("_conv_stem", "_bn0", 32, 3, 3)
-    before, block = 32, 0
-    for count, kernel, _, expansion, channels in efficientnet._STAGES:
-        for _ in range(count):
-            wide, name = before * expansion, f"_blocks.{block}."
-            if expansion > 1:
-                conv(f"{name}_expand_conv", f"{name}_bn0", wide, before, 1)
-            conv(f"{name}_depthwise_conv", f"{name}_bn1", wide, 1, kernel)
-            conv(f"{name}_project_conv", f"{name}_bn2", channels, wide, 1)
-            before, block = channels, block + 1
-    conv("_conv_head", "_bn1", 1280, 320, 1)
-    state["_fc.weight"], state["_fc.bias"] = torch.randn(1000, 1280) * 0.03, torch.zeros(1000)
-    return state
 
 
 def _plain(state: dict[str, torch.Tensor], x: torch.Tensor) -> torch.Tensor:

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from drawings import draw_world
+from eyes_models import random_state
 
 pytest.importorskip("lightning", reason="needs erag[train]")
 
@@ -21,8 +23,6 @@ from erag.lm.weights import ModelStore
 from erag.study.config import DistilConfig, TrainingConfig
 from erag.study.distil import Report, distil
 from erag.study.worlds import read_worlds
-from tests.lm.test_tagger import random_state
-from tests.study.drawings import draw_world
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +48,15 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+FAST = {"epochs": 25, "batch_size": 16, "rate": 1e-2, "average": 0.9, "channel_dropout": 0.0, "wandb": False}
+
+
 def _config(worlds: Path, out: Path, **training: object) -> DistilConfig:
     return DistilConfig(
-        kind="captioner", worlds=worlds, train=("one",), held_out=("two",), work=out / "work", out=out / "student.safetensors",
-        backbone="backbone", backend=BackendConfig(models={"fake": FakeConfig()}, roles={"embed": "fake"}),
-        width=32, depth=1, fewest=4, resamples=50,
-        training=TrainingConfig.model_validate({"epochs": 14, "batch_size": 16, "rate": 5e-3, "wandb": False,
-                                                "average": 0.9, "channel_dropout": 0.0} | training),
+        kind="captioner", worlds=worlds, train=("one",), held_out=("two",), work=out / "work",
+        out=out / "student.safetensors", backbone="backbone", width=32, depth=1, fewest=4, resamples=50,
+        backend=BackendConfig(models={"fake": FakeConfig()}, roles={"embed": "fake"}),
+        training=TrainingConfig.model_validate(FAST | training),
     )  # fmt: skip
 
 
