@@ -14,13 +14,14 @@ from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
 from erag.lm.roles import LMBackend, Model, RoleName, Roles
 from erag.lm.sentence import SentenceConfig, SentenceEmbedder
+from erag.lm.signs import Signs, SignsConfig
 from erag.lm.student import Student, StudentConfig
 from erag.lm.tagger import Tagger, TaggerConfig
 from erag.lm.vlm import Vlm, VlmConfig
 from erag.lm.weights import ModelStore
 
 ModelConfig = Annotated[
-    SentenceConfig | TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | FakeConfig,
+    SentenceConfig | TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | SignsConfig | FakeConfig,
     Field(discriminator="kind"),
 ]
 _LEAVES: tuple[tuple[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]], ...] = (
@@ -56,6 +57,8 @@ def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | Non
 
 
 def _model(config: ModelConfig, store: ModelStore, ledger: Ledger | None) -> Model:
+    if isinstance(config, SignsConfig):
+        return Signs(config, _model(config.captioner, store, ledger))
     for kind, leaf in _LEAVES:
         if isinstance(config, kind):
             return leaf(config, store, ledger)
