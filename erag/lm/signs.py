@@ -31,7 +31,7 @@ _MODELS = ("det", "rec")  # parts of the names of the models that must lie in th
 class SignsConfig(BaseModel):
     """The `signs` backend: a captioner whose captions get the texts that are read in the image.
 
-    A text counts from the certainty `sure` on and with at least `letters` letters or digits; the surest `most` are kept.
+    A text counts from the certainty `sure` on and with at least `letters` letters or digits; the surest `most` stay.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -47,15 +47,15 @@ def _figures(name: str, judged: Judged) -> str:
         f"| object F1, mean of classes | {q.macro_f1:.3f} |",
         f"| place named rightly | {q.place} |",
         *(f"| F1 in {world} | {measured} |" for world, measured in judged.worlds.items()),
-        f"| median distance from the true centre | {_number(judged.offset)} of the image |",
-        f"| colour right, where one is said ({_number(judged.said)} of those with one) | {_number(judged.colours)} |",
     ]
+    if judged.offset is not None:
+        lines.append(f"| median distance from the true centre, as a share of the image | {judged.offset:.3f} |")
+    if judged.colours is not None:
+        lines.append(
+            f"| colour right, where one is said ({judged.said or 0:.2f} of those with one) | {judged.colours:.3f} |"
+        )
     if judged.search:
         lines.append(f"| image found by its caption: first, in five | {judged.search[0]:.3f}, {judged.search[1]:.3f} |")
     rows = sorted(q.classes, key=lambda c: (-c.images, c.name))
     table = [f"| {c.name} | {c.images} | {c.precision:.2f} | {c.recall:.2f} | {c.f1:.2f} |" for c in rows]
     return "\n".join([*lines, "", "| class | images | precision | recall | F1 |", "|---|---|---|---|---|", *table, ""])
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"

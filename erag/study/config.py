@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from erag.lm.config import BackendConfig
+from erag.lm.config import BackendConfig, ModelConfig
 
 
 class TrainingConfig(BaseModel):
@@ -48,6 +48,9 @@ class DistilConfig(BaseModel):
     width: int = Field(128, ge=8, le=1024)
     depth: int = Field(3, ge=1, le=12)
     least_share: float = Field(0.01, gt=0, lt=1, description="of the image; from here on an object counts as visible")
+    compare: dict[str, ModelConfig] = Field({}, description="captioners to be judged on the held-out worlds as well")
+    synonyms: dict[str, tuple[str, ...]] = Field({}, description="class -> other words that name it, for `compare`")
+    variants: int = Field(1, ge=0, le=20, description="further looks at each image: parts of it in other hues")
     fewest: int = Field(8, ge=1, description="images a class or attribute must be seen in to be learnt")
     training: TrainingConfig = TrainingConfig()
     resamples: int = Field(1000, ge=10, description="of the bootstrap")

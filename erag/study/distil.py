@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,18 +14,19 @@ import numpy as np
 from erag.core.errors import ConfigError, InputError
 from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
-from erag.lm.config import build_backend
+from erag.lm.config import BackendConfig, build_backend
 from erag.lm.features import RULES, Maps
 from erag.lm.offline import go_offline
 from erag.lm.roles import LMBackend
 from erag.lm.student_checkpoint import load, save
 from erag.lm.student_words import StudentWords
 from erag.lm.weights import ModelStore
+from erag.study.augment import varied
 from erag.study.cache import FeatureCache
 from erag.study.card import write_card
 from erag.study.config import DistilConfig
 from erag.study.examples import Example, Words, every, words_of
-from erag.study.judging import Judged, judge_views, searched
+from erag.study.judging import Judged, judge_views, judge_words, searched
 from erag.study.quality import best_thresholds
 from erag.study.targets import Targets, targets
 from erag.study.worlds import read_worlds, render
@@ -76,7 +77,8 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     blank = _student_words(config, words, store, backend)
     clock.stage("read")
     cache = FeatureCache(config.work / "features", store, config.backbone)
-    maps, truth = _inputs(config, examples, words, cache, backend, progress)
+    variants = [varied(replace(e, variant=v)) for v in range(1 + config.variants) for e in examples]
+    maps, truth = _inputs(config, variants, words, cache, backend, progress)
     clock.stage("features")
     network = _trained(config, blank, maps, truth, progress)
     clock.stage("train")
@@ -87,6 +89,7 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     figures = {"training worlds": _judge(config, examples, cache, backend, progress)}
     if held_out:
         figures["held-out worlds"] = _judge(config, held_out, cache, backend, progress)
+        figures |= _compared(config, held_out, words.objects, store)
     clock.stage("judge")
     report = Report(config.out, config.out.stat().st_size, len(examples), figures, clock.seconds)
     write_card(config, words, report.trained_on, report.bytes, figures)
@@ -127,7 +130,7 @@ def _inputs(
     config: DistilConfig, examples: Sequence[Example], words: Words, cache: FeatureCache, backend: LMBackend,
     progress: Progress,
 ) -> tuple[Maps, Targets]:  # fmt: skip
-    maps = cache.get([e.image for e in examples], progress)
+    maps = cache.get(examples, progress)
     captions = sorted({e.caption for e in examples})
     known = dict(zip(captions, backend.embed(captions, "document"), strict=True))
     vectors = np.stack([known[e.caption] for e in examples])
@@ -176,7 +179,7 @@ def _judge(
     from erag.lm.student import View, read_view
 
     words, network = load(config.out)
-    maps = cache.get([e.image for e in examples], progress)
+    maps = cache.get(examples, progress)
     views: list[View] = []
     vectors = []
     with torch.inference_mode():
@@ -187,6 +190,26 @@ def _judge(
             vectors.append(seen.vector.numpy())
     search = searched(np.concatenate(vectors), backend.embed([e.caption for e in examples], "document"))
     return judge_views(views, examples, words.objects, config.least_share, config.resamples, search)
+
+
+def _compared(
+    config: DistilConfig, examples: Sequence[Example], names: Sequence[str], store: ModelStore
+) -> dict[str, Judged]:
+    """The figures of other captioners on `examples`: a place is right where the caption names it."""
+    meant = {other: name for name, others in config.synonyms.items() for other in (name, *others)}
+    figures = {}
+    for title, model in config.compare.items():
+        backend = build_backend(BackendConfig(models={"eyes": model}, roles={"caption": "eyes"}), store)
+        captions = backend.caption([example.image for example in examples])
+        said = [frozenset(meant.get(word, word) for word in caption.objects) for caption in captions]
+        known = set(names).union(*(example.seen(config.least_share) for example in examples))
+        pairs = zip(captions, examples, strict=True)
+        places = [e.place if e.place in c.text.lower() else "" for c, e in pairs]
+        kept = [frozenset(words & known) for words in said]
+        figures[f"held-out worlds, {title}"] = judge_words(
+            kept, places, examples, names, config.least_share, config.resamples
+        )
+    return figures
 
 
 def _write_figures(config: DistilConfig, report: Report) -> None:

@@ -39,8 +39,8 @@ def judge_views(
     said = [frozenset(found.name for found in view.objects) for view in views]
     base = judge_words(said, [view.place for view in views], examples, names, least, resamples)
     pairs = _pairs(views, examples, least)
-    offsets = [np.hypot(f.x - t.x, f.y - t.y) for f, t in pairs]
-    coloured = [(f.colour, t.colour) for f, t in pairs if t.colour]
+    offsets = [np.hypot(f.x - t.centre[0], f.y - t.centre[1]) for f, t in pairs]
+    coloured = [(f.colour, t.largest.colour) for f, t in pairs if t.largest.colour]
     spoken = [said == true for said, true in coloured if said]
     return Judged(
         base.quality,
@@ -73,7 +73,7 @@ def _pairs(views: Sequence[View], examples: Sequence[Example], least: float) -> 
     """Each object that was found beside what it is in truth."""
     pairs = []
     for view, example in zip(views, examples, strict=True):
-        things = {thing.name: thing for thing in example.things if thing.share >= least}
+        things = {thing.name: thing for thing in example.things if thing.largest.share >= least}
         pairs += [(found, things[found.name]) for found in view.objects if found.name in things]
     return pairs
 

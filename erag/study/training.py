@@ -136,9 +136,7 @@ def losses(seen: Seen, truth: Targets) -> Losses:
         "light": 0.2 * _choice(seen.lights, truth.lights),
         "text": _text(seen.vector, truth.vector),
     }
-    if truth.drawn.any():
-        share = truth.cells[truth.drawn].float() / 255
-        parts["cells"] = classes * nnf.binary_cross_entropy_with_logits(seen.cells[truth.drawn], share)
+    parts["cells"] = classes * nnf.binary_cross_entropy_with_logits(seen.cells, truth.cells.float() / 255)
     return parts
 
 

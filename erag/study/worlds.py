@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import importlib
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from erag.core.errors import ConfigError, InputError
 from erag.core.progress import Progress, quiet
-from erag.lm.features import COLUMNS, ROWS
-from erag.study.examples import Example, Thing
+from erag.study.examples import Example, Instance
 
 _MAX_LINE = 1 << 20
 _LIGHTS = {
@@ -90,36 +86,8 @@ def _example(images: Path, world: str, line: str, where: str) -> Example:
         first = error.errors(include_url=False)[0]
         raise InputError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}", where=where) from error
     light = " ".join(filter(None, (_LIGHTS.get(row.light, row.light), _WEATHERS.get(row.weather, ""))))
-    return Example(images / f"{row.node}.jpg", world, row.place, light, row.caption, _things(row.objects))
+    return Example(images / f"{row.node}.jpg", world, row.place, light, row.caption, tuple(map(_instance, row.objects)))
 
 
-def _things(objects: tuple[_Object, ...]) -> tuple[Thing, ...]:
-    """The objects by class: shares added up; place, distance and look of the largest."""
-    by_name: dict[str, list[_Object]] = defaultdict(list)
-    for item in objects:
-        by_name[item.name].append(item)
-    return tuple(_thing(name, items) for name, items in by_name.items())
-
-
-def _thing(name: str, items: Sequence[_Object]) -> Thing:
-    largest = max(items, key=lambda o: o.share)
-    left, top, right, bottom = largest.box
-    return Thing(
-        name, min(1.0, sum(o.share for o in items)), (left + right) / 2, (top + bottom) / 2, len(items),
-        largest.colour, largest.shape, largest.metres, np.max([_cells(o) for o in items], axis=0),
-    )  # fmt: skip
-
-
-def _cells(item: _Object) -> npt.NDArray[np.float32]:
-    """(ROWS, COLUMNS) how much of each cell an object covers, as if it filled its box evenly."""
-    left, top, right, bottom = item.box
-    area = max((right - left) * (bottom - top), 1e-6)
-    across, down = _overlap(left, right, COLUMNS), _overlap(top, bottom, ROWS)
-    return (np.outer(down, across) * min(1.0, item.share / area)).astype(np.float32)
-
-
-def _overlap(start: float, end: float, cells: int) -> npt.NDArray[np.float64]:
-    """(cells,) the share of each of the equal parts of [0, 1] that lies in [start, end]."""
-    edges = np.linspace(0, 1, cells + 1)
-    inside: npt.NDArray[np.float64] = np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0, None)
-    return inside * cells
+def _instance(item: _Object) -> Instance:
+    return Instance(item.name, item.share, item.box, item.colour, item.shape, item.metres)

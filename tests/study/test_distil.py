@@ -54,7 +54,7 @@ FAST = {"epochs": 25, "batch_size": 16, "rate": 1e-2, "average": 0.9, "channel_d
 def _config(worlds: Path, out: Path, **training: object) -> DistilConfig:
     return DistilConfig(
         kind="captioner", worlds=worlds, train=("one",), held_out=("two",), work=out / "work",
-        out=out / "student.safetensors", backbone="backbone", width=32, depth=1, fewest=4, resamples=50,
+        out=out / "student.safetensors", backbone="backbone", width=32, depth=1, fewest=4, resamples=50, variants=0,
         backend=BackendConfig(models={"fake": FakeConfig()}, roles={"embed": "fake"}),
         training=TrainingConfig.model_validate(FAST | training),
     )  # fmt: skip
@@ -97,7 +97,7 @@ def test_the_captioner_says_what_is_drawn(taught: tuple[DistilConfig, Report], w
     right = [set(c.objects) == e.seen(0.01) for c, e in zip(captions, examples, strict=True)]
     assert np.mean(right) > 0.7
     i = next(i for i, (r, e) in enumerate(zip(right, examples, strict=True)) if r and len(e.things) == 2)
-    left = min(examples[i].things, key=lambda t: t.x)
+    left = min(examples[i].instances, key=lambda item: item.box[0])
     assert f"{left.colour} {left.name}" in captions[i].text
     assert captions[i].text.lower().startswith(f"a {examples[i].place}")
     assert student.caption([examples[i].image]) == [captions[i]]
