@@ -81,7 +81,7 @@ def load(path: Path) -> Picture:
     BadImages for anything else: no regular file, a symbolic link, more than `MAX_BYTES`, no image of `FORMATS`, more
     than `MAX_PIXELS` or `MAX_SIDE` according to its header (nothing is decoded then), cut short or damaged.
     """
-    data = _read(path)
+    data = read_file(path)
     with _refusing(path), _open(data) as image:
         found = _MULTI.get(str(image.format), str(image.format))
         _check_size(path, image.size)
@@ -126,8 +126,11 @@ def resized(pixels: Pixels, width: int, height: int) -> Pixels:
     return np.asarray(small, np.uint8)
 
 
-def _read(path: Path) -> bytes:
-    """The bytes of a regular file of bounded size; links are not followed and pipes are not waited for."""
+def read_file(path: Path) -> bytes:
+    """The bytes of a regular file of at most `MAX_BYTES`; links are not followed and pipes not waited for.
+
+    Raises BadImages.
+    """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except FileNotFoundError:
