@@ -29,8 +29,9 @@ class TrainingConfig(BaseModel):
 class DistilConfig(BaseModel):
     """A captioner taught by simulated worlds.
 
-    `worlds` is where data sets are: `seedN` for each of `seeds`, with the worlds `train`, and `held-outN` for the first
-    seed, with the worlds `held_out`, which are never trained on; what is missing is rendered. `work` keeps cached
+    `worlds` is where data sets are: `seedN` for each of `seeds`, with the worlds `train`; `viewsN` for each of
+    `view_seeds`, with `views` cameras before the objects of every class of those worlds; `held-outN` for the first
+    seed, with the worlds `held_out`, which are never trained on. What is missing is rendered. `work` keeps cached
     features, checkpoints and logs; `out` is the student's file, its card is written beside it.
     """
 
@@ -41,6 +42,8 @@ class DistilConfig(BaseModel):
     train: tuple[str, ...] = Field(min_length=1)
     held_out: tuple[str, ...] = ()
     seeds: tuple[int, ...] = Field((0,), min_length=1)
+    view_seeds: tuple[int, ...] = ()
+    views: int = Field(4, ge=1, le=1000)
     work: Path = Path("experiments/distil/captioner")
     out: Path = Path("checkpoints/captioner.safetensors")
     backbone: str = "efficientnet-lite0"

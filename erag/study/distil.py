@@ -27,6 +27,7 @@ from erag.study.card import write_card
 from erag.study.config import DistilConfig
 from erag.study.examples import Example, Words, every, words_of
 from erag.study.judging import Judged, judge_views, judge_words, searched
+from erag.study.posing import render_views
 from erag.study.quality import best_thresholds
 from erag.study.targets import Targets, targets
 from erag.study.worlds import read_worlds, render
@@ -106,6 +107,11 @@ def _examples(config: DistilConfig, progress: Progress) -> tuple[list[Example], 
     for seed in config.seeds:
         folder = config.worlds / f"seed{seed}"
         read = _data_set(folder, config.train, seed, progress)
+        examples += [e for name in config.train for e in read[name]]
+    for seed in config.view_seeds:
+        folder = config.worlds / f"views{seed}"
+        render_views(folder, config.train, seed, config.views, progress)
+        read = read_worlds(folder)
         examples += [e for name in config.train for e in read[name]]
     read = _data_set(config.worlds / f"held-out{config.seeds[0]}", config.held_out, config.seeds[0], progress)
     return examples, [e for name in config.held_out for e in read[name]]

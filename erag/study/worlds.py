@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from erag.core.errors import ConfigError, InputError
+from erag.core.errors import InputError
 from erag.core.progress import Progress, quiet
 from erag.study.examples import Example, Instance
+from erag.study.posing import simulator
 
 _MAX_LINE = 1 << 20
 _LIGHTS = {
@@ -59,12 +59,7 @@ def render(folder: Path, worlds: Sequence[str], seed: int, progress: Progress = 
 
     Raises ConfigError where the simulator is not installed or knows no such world.
     """
-    try:
-        dataset = importlib.import_module("erag.sim.dataset")
-    except ImportError as error:
-        raise ConfigError(
-            f"{error.name} is not installed", where=str(folder), repair="pip install 'erag[sim]'"
-        ) from error
+    dataset = simulator("dataset")
     dataset.build(folder, dataset.Plan(worlds=tuple(worlds), seed=seed), progress)
 
 
