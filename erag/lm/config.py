@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from erag.lm.blip import Blip, BlipConfig
+from erag.lm.clip import Clip, ClipConfig
 from erag.lm.compose import compose
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
@@ -13,8 +16,12 @@ from erag.lm.llamacpp.backend import LlamaCpp
 from erag.lm.llamacpp.config import LlamaCppConfig
 from erag.lm.roles import LMBackend, Model, RoleName, Roles
 from erag.lm.sentence import SentenceConfig, SentenceEmbedder
+from erag.lm.signs import Signs, SignsConfig
+from erag.lm.student import Student, StudentConfig
+from erag.lm.tagger import Tagger, TaggerConfig
 from erag.lm.textroles import TextRoles, TextRolesConfig
 from erag.lm.torchlm import TorchLM, TorchLMConfig
+from erag.lm.vlm import Vlm, VlmConfig
 from erag.lm.weights import ModelStore
 
 
@@ -30,7 +37,18 @@ class TorchLMRoles(TorchLMConfig):
     text: TextRolesConfig = TextRolesConfig()
 
 
-ModelConfig = Annotated[SentenceConfig | LlamaCppRoles | TorchLMRoles | FakeConfig, Field(discriminator="kind")]
+CaptionerConfig = TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | SignsConfig
+ModelConfig = Annotated[
+    SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | FakeConfig, Field(discriminator="kind")
+]
+_LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]] = {
+    SentenceConfig: SentenceEmbedder,
+    TaggerConfig: Tagger,
+    StudentConfig: Student,
+    ClipConfig: Clip,
+    BlipConfig: Blip,
+    VlmConfig: Vlm,
+}
 
 
 def _default_models() -> dict[str, ModelConfig]:
@@ -68,7 +86,9 @@ def _model(config: ModelConfig, store: ModelStore, ledger: Ledger | None) -> Mod
     match config:
         case FakeConfig():
             return Fake(config)
-        case SentenceConfig():
-            return SentenceEmbedder(config, store, ledger)
-        case _:
+        case SignsConfig():
+            return Signs(config, _model(config.captioner, store, ledger))
+        case LlamaCppRoles() | TorchLMRoles():
             return TextRoles(text_engine(config, store, ledger), config.text, ledger)
+        case _:
+            return _LEAVES[type(config)](config, store, ledger)

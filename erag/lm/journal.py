@@ -13,6 +13,7 @@ from erag.core.errors import EragError
 from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
 from erag.lm import records
+from erag.lm.images import read_file
 from erag.lm.ledger import Ledger
 from erag.lm.metered import Metered
 from erag.lm.roles import (
@@ -111,7 +112,8 @@ class Journal:
         return np.stack([known[k] for k in keys]) if keys else np.empty((0, 0), np.float32)
 
     def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        requests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in images]
+        """As the backend's, each distinct file at most once. Raises BadImages for a file that cannot be read."""
+        requests = [hashlib.sha256(read_file(path)).hexdigest() for path in images]
         return self._calls("caption", images, requests, self._backend.caption, records.CAPTION)
 
     def summarise(self, groups: Sequence[Group]) -> list[Summary]:

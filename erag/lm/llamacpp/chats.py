@@ -46,6 +46,13 @@ class Chats:
             return 0
         return shared(tokens, self.tokens((*messages[:-1], (messages[-1][0], ""))))
 
+    def text(self, messages: Messages) -> str:
+        """The prompt as text. Only for messages that are ours: what looks like a control token in them is one."""
+        shape = tuple(role for role, _ in messages)
+        if shape not in self._frames:
+            self._frames[shape] = self._frame(shape)
+        return "".join(piece.text if piece.frame else messages[int(piece.text)][1] for piece in self._frames[shape])
+
     def plain(self, text: str) -> tuple[int, ...]:
         """The tokens of a text on its own. Raises ContextError for one that cannot fit."""
         self._refuse_long(len(text))

@@ -45,7 +45,8 @@ def _limit(memory: int, seconds: int | None = None) -> None:
 def _try(request: Request) -> dict[str, Any]:
     """Load a model with the given kernels, read a prompt, then decode a batch of four and a single token."""
     path = Path(request["path"])
-    _limit(4 * path.stat().st_size + 8 * _GIB)
+    parts = [path, *([Path(request["projector"])] if request.get("projector") else [])]
+    _limit(4 * sum(part.stat().st_size for part in parts) + 8 * _GIB)
     from erag.lm.llamacpp.native import NativeContext, NativeModel, Room, Row
 
     model = NativeModel(path, request["kernels"], check=True)
@@ -60,7 +61,23 @@ def _try(request: Request) -> dict[str, Any]:
         rows = [Row(best[0], len(tokens) + step, sequence, True) for sequence in range(count)]
         best = [int(logits.argmax()) for logits in context.decode(rows)]
     model.vocabulary.decode(best)
+    if request.get("projector"):
+        _see(model, Path(request["projector"]), request["threads"])
     return {"description": model.description, "file_type": model.file_type}
+
+
+def _see(model: Any, path: Path, threads: int) -> None:
+    """Load a projector, read a small image with a prompt, and compute a token after it."""
+    import numpy as np
+
+    from erag.lm.llamacpp.native import NativeContext, Room, Row
+    from erag.lm.llamacpp.vision import MARKER, Projector
+
+    projector = Projector(model, path, threads)
+    context = NativeContext(model, Room(4096, 1, 1024, 1, threads))
+    picture = np.random.default_rng(0).integers(0, 255, (96, 128, 3)).astype(np.uint8)
+    end = projector.read(context, f"{MARKER}\nWhat is this?", picture, room=1)
+    context.decode([Row(int(context.last().argmax()), end, 0, True)])
 
 
 def _render(request: Request) -> dict[str, Any]:

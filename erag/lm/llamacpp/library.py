@@ -95,6 +95,12 @@ def _listen(library: Any) -> None:
 _callback: Any = None  # the native side holds a bare pointer to it
 
 
+def watch(*setters: Any) -> None:
+    """Send the logs of further native libraries (their `…_log_set`) to where llama.cpp's go."""
+    for setter in setters:
+        setter(_callback, ctypes.c_void_p(0))
+
+
 def _keep(level: int, text: bytes | None, data: object) -> None:
     del data
     if level == _ERROR and text:

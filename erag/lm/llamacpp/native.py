@@ -126,6 +126,15 @@ class NativeContext:
         self._memory = self._llama.llama_get_memory(handle)
         self.close = weakref.finalize(self, _free, self._llama, handle, self._batch)
 
+    @property
+    def handle(self) -> Any:
+        """The native context."""
+        return self._handle
+
+    def last(self) -> Logits:
+        """The logits (v,) after the row that was computed last, valid until the next call. Raises BadModelOutput."""
+        return self._logits(-1)
+
     def clear(self) -> None:
         """Forget all sequences, down to the bytes: later results do not depend on earlier ones."""
         self._llama.llama_memory_clear(self._memory, True)

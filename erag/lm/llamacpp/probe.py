@@ -49,11 +49,15 @@ class _Remembered(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A model file: the model's id, where it is, and the sha256 (hex) of what is there."""
+    """A model file: the model's id, where it is, and the sha256 (hex) of what is there.
+
+    `projector` is the file that makes tokens of images, for a model that has one.
+    """
 
     model: str
     path: Path
     sha256: str
+    projector: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,8 @@ class Probe:
         failures: list[str] = []
         for kernels in _ORDER[wish]:
             request = {"do": "try", "path": str(candidate.path), "kernels": kernels, "threads": self.threads}
+            if candidate.projector is not None:
+                request["projector"] = str(candidate.projector)
             outcome = ask(self.command or child_command(), request, self.seconds)
             if outcome.state != "ok":
                 failures.append(_failure(kernels, outcome.detail, failures))

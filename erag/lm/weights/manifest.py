@@ -101,7 +101,7 @@ class Manifest(_Frozen):
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9._-]{0,63}$")
     title: str = Field(min_length=1)
-    kind: Literal["sentence", "gguf", "state_dict"]
+    kind: Literal["sentence", "gguf", "state_dict", "blip", "clip", "vlm"]
     format: Literal["safetensors", "gguf", "pth"]
     roles: tuple[ModelRole, ...] = Field(min_length=1)
     licence: str = Field(min_length=1)
