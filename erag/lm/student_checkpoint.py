@@ -47,7 +47,9 @@ def quantised(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
             continue
         rows = tensor.float().flatten(1)
         scale = (rows.abs().amax(dim=1) / _LEVELS).clamp_min(1e-12)
-        small[f"{name}.int8"] = (tensor.float() / scale.view(-1, *[1] * (tensor.ndim - 1))).round().to(torch.int8)
+        small[f"{name}.int8"] = (
+            (tensor.float() / scale.view(-1, *[1] * (tensor.ndim - 1))).round().to(torch.int8).contiguous()
+        )
         small[f"{name}.scale"] = scale
     return small
 

@@ -114,7 +114,7 @@ class StudentNetwork(nn.Module):
 
 def _scaled(maps: torch.Tensor, scale: torch.Tensor) -> torch.Tensor:
     mean, inverse = scale[0][:, None, None], scale[1][:, None, None]
-    return ((maps - mean) * inverse).clamp(-6, 6)
+    return ((maps - mean) * inverse).clamp(-6, 6).contiguous(memory_format=torch.channels_last)
 
 
 def _pooled(grid: torch.Tensor) -> torch.Tensor:

@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from erag.lm.config import BackendConfig, ModelConfig
+from erag.lm.probe import DtypeWish
 
 
 class TrainingConfig(BaseModel):
@@ -21,6 +22,7 @@ class TrainingConfig(BaseModel):
     decay: float = Field(0.02, ge=0, le=1, description="weight decay")
     average: float = Field(0.995, ge=0, lt=1, description="how slowly the averaged weights follow")
     channel_dropout: float = Field(0.1, ge=0, lt=1)
+    dtype: DtypeWish = Field("auto", description="of products in training; weights stay float32")
     seed: int = 0
     wandb: bool = True
     threads: int | None = Field(None, ge=1, le=1024)

@@ -8,8 +8,9 @@ from __future__ import annotations
 import copy
 import logging
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import lightning
 import torch
@@ -19,6 +20,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from erag.core.errors import InputError
 from erag.core.progress import Progress
 from erag.lm.features import Maps
+from erag.lm.probe import choose_dtype
 from erag.lm.student_network import Seen, StudentNetwork
 from erag.lm.student_words import StudentWords
 from erag.study.config import TrainingConfig
@@ -67,16 +69,20 @@ class Distillation(lightning.LightningModule):
         super().__init__()
         torch.manual_seed(config.seed)
         self.network = StudentNetwork(words)
+        cast(Any, self.network).to(memory_format=torch.channels_last)  # half the time of a step
         some = slice(None, None, max(1, len(maps.fine) // _SAMPLE))
         self.network.normalise(maps.fine[some], maps.coarse[some])
         self.average = copy.deepcopy(self.network).requires_grad_(False)
         self._config, self._maps, self._truth, self._steps = config, maps, truth, steps
+        self._half = choose_dtype(config.dtype) == "bfloat16"
 
     def training_step(self, batch: torch.Tensor, index: int) -> torch.Tensor:
         """The loss of the examples numbered by `batch` (b,)."""
         torch.manual_seed((self._config.seed * 7919 + self.current_epoch) * 1_000_003 + index)
         fine, coarse, truth = self._augmented(batch)
-        parts = losses(self.network(fine, coarse), truth)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self._half):
+            seen = self.network(fine, coarse)
+        parts = losses(Seen(*(getattr(seen, field.name).float() for field in fields(seen))), truth)
         total = torch.stack(list(parts.values())).sum()
         self.log_dict({name: value.detach() for name, value in parts.items()}, on_step=False, on_epoch=True)
         return total

@@ -6,7 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from erag.lm.tagger import labels
+from erag.pipeline.config import configs_dir, read_yaml, validate
 from erag.study.augment import look, seen_through, varied
+from erag.study.config import DistilConfig
 from erag.study.examples import Example, Instance, every, words_of
 from erag.study.judging import judge_words, searched
 from erag.study.quality import best_thresholds, counted, quality, scores
@@ -136,3 +139,13 @@ def test_the_simulators_truth_is_read(tmp_path: Path) -> None:
     assert (example.place, example.light) == ("lawn", "in the morning in mist")
     assert example.things[0].centre == (0.25, 0.5)
     assert example.seen(0.01) == {"bench"}
+
+
+def test_the_shipped_configuration_is_sound() -> None:
+    raw = read_yaml(configs_dir() / "distil" / "captioner.yaml")
+    config = validate(DistilConfig, raw, "captioner.yaml")
+    assert not set(config.train) & set(config.held_out)
+    assert len(config.train) == 10
+    meant = [word for words in config.synonyms.values() for word in words]
+    assert len(set(meant)) == len(meant)
+    assert set(meant) <= {label.word for label in labels()}
