@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FIELD_OF_VIEW = 62.0  # degrees, vertical
+FIELD_OF_VIEW = 54.0  # degrees, vertical
 NEAR, FAR = 0.08, 220.0  # metres
 BODIES: dict[str, tuple[float, float]] = {  # robot -> height of the camera in metres, pitch in degrees
     "quadruped": (0.75, 2.0),

@@ -247,9 +247,21 @@ def keys(d: Draw, w: int, h: int, p: Picture, rng: Rng) -> None:
             d.rectangle((i * step - step * 0.3, 0, i * step + step * 0.3, h * 0.6), (12, 12, 12))
 
 
+def window(d: Draw, w: int, h: int, p: Picture, rng: Rng) -> None:
+    """A window: pale sky over distant trees, in a white frame with a cross bar."""
+    d.rectangle((0, 0, w, h), (206, 226, 244))
+    for i in range(12):
+        x, top = w * i / 11, h * (0.62 + 0.08 * math.sin(i * 1.7))
+        d.ellipse((x - w * 0.07, top, x + w * 0.07, h * 1.1), (126, 156, 128))
+    for x in (0.0, 0.48, 0.96):
+        d.rectangle((w * x, 0, w * (x + 0.04), h), (250, 250, 248))
+    for y in (0.0, 0.94):
+        d.rectangle((0, h * y, w, h * (y + 0.06)), (250, 250, 248))
+
+
 MOTIFS: Mapping[str, Callable[[Draw, int, int, Picture, Rng], None]] = {
     "text": lettered, "bare": bare, "clock": clock, "desktop": desktop, "broadcast": broadcast, "landscape": landscape,
     "portrait": portrait, "abstract": abstract, "notices": notices, "plan": plan, "board": board, "cross": cross,
     "exit": exit_, "vending": vending, "shopfront": shopfront, "lines": lines, "monitor": monitor, "letters": letters,
-    "keys": keys,
+    "keys": keys, "window": window,
 }  # fmt: skip

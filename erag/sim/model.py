@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -56,9 +56,12 @@ class Style:
     colour: str = ""
     text: str = ""
     seed: int = 0
-    kind: Literal["train", "held_out"] = "train"
-    extent: tuple[float, float] | None = None  # metres across and deep, for what is made to measure
-    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0), compare=False)
+    extent: float | None = None  # metres across, for what is made to measure
+
+    @cached_property
+    def rng(self) -> np.random.Generator:
+        """The generator of what differs between instances of one look."""
+        return np.random.default_rng(self.seed)
 
     @property
     def tint(self) -> Tint:

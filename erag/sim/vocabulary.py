@@ -61,7 +61,7 @@ class ObjectClass(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    plural: str
+    plural: str = ""
     family: str
     train: Styles = Styles()
     held_out: Styles | None = None
@@ -75,6 +75,11 @@ class ObjectClass(BaseModel):
     def styles(self, split: str) -> Styles:
         """The looks in the worlds of `split`: train or test."""
         return self.held_out if split == "test" and self.held_out else self.train
+
+
+def plural(name: str) -> str:
+    """The plural of a class's name."""
+    return classes()[name].plural or f"{name}s"
 
 
 @cache

@@ -259,7 +259,7 @@ def recycling_container(s: Style) -> Parts:
 
 
 def fence(s: Style) -> Parts:
-    long = s.extent[0] if s.extent else 3.0
+    long = s.extent or 3.0
     posts = [box(0.1, 0.1, 1.15, (0, -long / 2 + i * long / 3, 0)) for i in range(4)]
     rails = [box(0.05, long, 0.1, (0, 0, z)) for z in (0.35, 0.8)]
     if s.shape == 1:  # pickets

@@ -46,7 +46,7 @@ def conifer(s: Style) -> Parts:
 
 
 def hedge(s: Style) -> Parts:
-    long = s.extent[0] if s.extent else 3.0
+    long = s.extent or 3.0
     lumps = [blob(0.42, (0, -long / 2 + 0.3 + i * (long - 0.6) / 6, 0.95), s.rng) for i in range(7)]
     return [part("hedge leaves", box(0.8, long, 1.15), *lumps)]
 

@@ -1,0 +1,88 @@
+"""The robot's way through a world: nodes at equal distances along its path, and where it looks from each."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from erag.sim.camera import BODIES, Camera
+from erag.sim.scene import Path, Point2
+
+SMALLEST, LARGEST = 0.15, 0.75  # half the extent of a target over its distance
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A node of the path: its number, metres driven so far, and the camera there."""
+
+    index: int
+    metres: float
+    camera: Camera
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Something a robot may turn to: where it is, half its extent, and the row of its area (−1: outdoors)."""
+
+    x: float
+    y: float
+    size: float
+    room: int
+
+
+def stops(path: Path, robot: str, targets: Sequence[Target], rooms: Callable[[Point2], int]) -> tuple[Stop, ...]:
+    """`path.nodes` stops at equal distances from the first corner to the last.
+
+    `rooms` says in which room a point lies (−1: in none): a robot turns only to targets in the room it is in.
+    """
+    height, pitch = BODIES[robot]
+    legs = [math.dist(a, b) for a, b in pairwise(path.points)]
+    step = sum(legs) / (path.nodes - 1)
+    looked: Counter[int] = Counter()
+    found = []
+    for i in range(path.nodes):
+        at, heading = _at(path.points, legs, min(i * step, sum(legs) - 1e-9))
+        look = path.look[i % len(path.look)]
+        turned = look == "thing"
+        yaw = _towards(at, targets, rooms(at), looked, heading) if turned else heading + math.radians(float(look))
+        camera = Camera(round(at[0], 4), round(at[1], 4), height, round(math.remainder(yaw, 2 * math.pi), 6), pitch)
+        found.append(Stop(i, round(i * step, 3), camera))
+    return tuple(found)
+
+
+def _towards(at: Point2, targets: Sequence[Target], room: int, looked: Counter[int], heading: float) -> float:
+    """The direction of the target near `at` that was looked at least, the largest to the eye first."""
+    best, key = -1, (math.inf, 0.0)
+    for row, t in enumerate(targets):
+        apparent = t.size / max(math.dist(at, (t.x, t.y)), 1e-6)
+        if t.room == room and SMALLEST < apparent < LARGEST and (looked[row], -apparent) < key:
+            best, key = row, (looked[row], -apparent)
+    if best < 0:
+        return heading
+    looked[best] += 1
+    return math.atan2(targets[best].y - at[1], targets[best].x - at[0])
+
+
+def clearance(path: Path, point: Point2) -> float:
+    """Metres from a point to the nearest leg of the path."""
+    return min(_distance(point, a, b) for a, b in pairwise(path.points))
+
+
+def _at(points: Sequence[Point2], legs: Sequence[float], metres: float) -> tuple[Point2, float]:
+    for (a, b), leg in zip(pairwise(points), legs, strict=True):
+        if metres < leg:
+            t = metres / leg
+            heading = math.atan2(b[1] - a[1], b[0] - a[0])
+            return (a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t), heading
+        metres -= leg
+    raise ValueError(f"{metres} m beyond the end of the path")
+
+
+def _distance(p: Point2, a: Point2, b: Point2) -> float:
+    length = math.dist(a, b) ** 2
+    t = 0.0 if length == 0 else ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / length
+    t = min(1.0, max(0.0, t))
+    return math.dist(p, (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])))
