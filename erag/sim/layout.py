@@ -12,12 +12,13 @@ from functools import lru_cache
 import numpy as np
 
 from erag.sim import rooms
+from erag.sim.camera import BODIES
 from erag.sim.materials import in_season
 from erag.sim.mesh import bounds
 from erag.sim.model import Part, Style
 from erag.sim.renderer import Solid
 from erag.sim.route import Stop, Target, clearance, stops
-from erag.sim.scene import COMPASS, Area, Point2, Scene, Stand, Visit
+from erag.sim.scene import COMPASS, Area, Box, Point2, Scene, Stand, Visit
 from erag.sim.shapes import BUILDERS
 from erag.sim.vocabulary import classes
 
@@ -202,7 +203,10 @@ def _world(name: str, scene: Scene, visit: int, things: Sequence[Thing]) -> Worl
         parts = _seasonal(t.parts, when, snow) if outdoors else t.parts
         rows.append((Solid(parts, t.x, t.y, t.z, t.yaw), t, t.area))
     solids, owners, areas = zip(*rows, strict=True)
-    way = stops(scene.path, scene.robot, [_target(t, scene) for t in things], lambda at: _room(at, scene))
+    targets = [_target(t, scene) for t in things]
+    height = BODIES[scene.robot][0]
+    boxes = [box for t in things if (box := _obstacle(t, height)) is not None]
+    way = stops(scene.path, scene.robot, targets, boxes, lambda at: _room(at, scene))
     return World(name, scene, visit, solids, owners, areas, way)
 
 
@@ -210,6 +214,15 @@ def _target(thing: Thing, scene: Scene) -> Target:
     low, high = bounds([p.mesh for p in thing.parts])
     room = thing.area if scene.areas[thing.area].room is not None else -1
     return Target(thing.x, thing.y, float(max(high - low)) / 2, room)
+
+
+def _obstacle(thing: Thing, height: float) -> Box | None:
+    """The footprint of what a camera at `height` metres would run into; None for rugs, things hung up, things below."""
+    top = thing.z + float(bounds([p.mesh for p in thing.parts])[1][2])
+    if classes()[thing.name].flat or thing.z > 0.3 or top < height - 0.6:
+        return None
+    (x0, y0), (x1, y1) = corners(thing)
+    return x0, y0, x1, y1
 
 
 def _room(at: Point2, scene: Scene) -> int:

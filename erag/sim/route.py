@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from erag.sim.camera import BODIES, Camera
-from erag.sim.scene import Path, Point2
+from erag.sim.scene import Box, Path, Point2
 
+BESIDE = 0.45  # metres a robot keeps from what it drives round
 SMALLEST, LARGEST = 0.15, 0.75  # half the extent of a target over its distance
 
 
@@ -33,8 +34,10 @@ class Target:
     room: int
 
 
-def stops(path: Path, robot: str, targets: Sequence[Target], rooms: Callable[[Point2], int]) -> tuple[Stop, ...]:
-    """`path.nodes` stops at equal distances from the first corner to the last.
+def stops(
+    path: Path, robot: str, targets: Sequence[Target], obstacles: Sequence[Box], rooms: Callable[[Point2], int]
+) -> tuple[Stop, ...]:
+    """`path.nodes` stops at equal distances from the first corner to the last, beside the obstacles on the way.
 
     `rooms` says in which room a point lies (−1: in none): a robot turns only to targets in the room it is in.
     """
@@ -42,14 +45,19 @@ def stops(path: Path, robot: str, targets: Sequence[Target], rooms: Callable[[Po
     legs = [math.dist(a, b) for a, b in pairwise(path.points)]
     step = sum(legs) / (path.nodes - 1)
     looked: Counter[int] = Counter()
-    found = []
+    found: list[Stop] = []
+    driven = 0.0
     for i in range(path.nodes):
         at, heading = _at(path.points, legs, min(i * step, sum(legs) - 1e-9))
+        at = _aside(at, obstacles)
+        driven += math.dist(at, (found[-1].camera.x, found[-1].camera.y)) if found else 0.0
         look = path.look[i % len(path.look)]
         turned = look == "thing"
         yaw = _towards(at, targets, rooms(at), looked, heading) if turned else heading + math.radians(float(look))
-        camera = Camera(round(at[0], 4), round(at[1], 4), height, round(math.remainder(yaw, 2 * math.pi), 6), pitch)
-        found.append(Stop(i, round(i * step, 3), camera))
+        camera = Camera(
+            round(float(at[0]), 4), round(float(at[1]), 4), height, round(math.remainder(yaw, 2 * math.pi), 6), pitch
+        )
+        found.append(Stop(i, round(driven, 3), camera))
     return tuple(found)
 
 
@@ -64,6 +72,18 @@ def _towards(at: Point2, targets: Sequence[Target], room: int, looked: Counter[i
         return heading
     looked[best] += 1
     return math.atan2(targets[best].y - at[1], targets[best].x - at[0])
+
+
+def _aside(at: Point2, obstacles: Sequence[Box]) -> Point2:
+    """`at`, or where it is inside an obstacle the nearest point beside it."""
+    x, y = at
+    for _ in range(4):
+        for x0, y0, x1, y1 in obstacles:
+            out = {x0 - x - BESIDE: 0, x1 - x + BESIDE: 0, y0 - y - BESIDE: 1, y1 - y + BESIDE: 1}
+            if x0 - BESIDE < x < x1 + BESIDE and y0 - BESIDE < y < y1 + BESIDE:
+                shift = min(out, key=abs)
+                x, y = (x + shift, y) if out[shift] == 0 else (x, y + shift)
+    return x, y
 
 
 def clearance(path: Path, point: Point2) -> float:

@@ -84,14 +84,13 @@ def ndvi_image(frame: Frame) -> npt.NDArray[np.float64]:
 def view(world: World, stop: Stop, frame: Frame, node: str) -> View:
     """The truth of a frame seen at a stop of a world."""
     index = ndvi_image(frame)
-    inside = world.scene.setting == "indoor" or (
-        _standing(world, stop) >= 0 and _has_room(world, _standing(world, stop))
-    )
+    standing = _standing(world, stop)
+    inside = world.scene.setting == "indoor" or (standing >= 0 and world.scene.areas[standing].room is not None)
     place, name = _place(world, stop, frame)
     when = world.when
     return View(
         node=node, world=world.name, split=world.scene.split, visit=world.visit, place=place, place_name=name,
-        standing_in=_name(world, _standing(world, stop)), indoor=bool(inside), season=when.season, light=when.light,
+        standing_in=_name(world, standing), indoor=inside, season=when.season, light=when.light,
         weather=when.weather, sky=round(float(frame.sky.mean()), 4),
         ndvi=0.0 if frame.sky.all() else round(float(np.nanmean(index)), 4), surfaces=_surfaces(world, frame),
         objects=tuple(_objects(world, stop, frame)),
@@ -146,7 +145,7 @@ def _objects(world: World, stop: Stop, frame: Frame) -> Iterator[Seen]:
     pixels = frame.solid.size
     h, w = frame.solid.shape
     rows, counts = np.unique(frame.solid, return_counts=True)
-    order = sorted(zip(counts.tolist(), rows.tolist(), strict=True), key=lambda pair: (-pair[0], pair[1]))
+    order = sorted(zip(counts.tolist(), rows.tolist(), strict=True), key=lambda p: (-p[0], p[1]))
     shown = [(n, world.things[r], r) for n, r in order if r >= 0 and n >= _MIN_PIXELS]
     things = [(n, t, r) for n, t, r in shown if t is not None]
     near = [t for n, t, _ in things if n >= VISIBLE * pixels]
@@ -204,10 +203,6 @@ def _standing(world: World, stop: Stop) -> int:
 def _extent(world: World, row: int) -> float:
     x0, y0, x1, y1 = world.scene.areas[row].box
     return (x1 - x0) * (y1 - y0)
-
-
-def _has_room(world: World, row: int) -> bool:
-    return world.scene.areas[row].room is not None
 
 
 def _name(world: World, row: int) -> str:
