@@ -26,6 +26,7 @@ BACKDROP = 400.0  # metres of ground round a world
 LIFT = 0.012  # metres by which each ground lies above the one before, against flicker
 ROOM_TO_PASS = 0.55  # metres kept free beside the path
 TRIES = 60
+WORKTOPS = {"reception counter": 1.11, "kitchen sink": 0.89}  # metres, where the highest point is something else
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,13 @@ class World:
 def made(name: str, style: Style) -> tuple[Part, ...]:
     """The parts of an object of class `name` in `style`."""
     return tuple(BUILDERS[name](style))
+
+
+@lru_cache(maxsize=65536)
+def extent(name: str, style: Style, yaw: float) -> tuple[float, ...]:
+    """Lowest and highest x, y, z (x0, y0, z0, x1, y1, z1) of an object turned by `yaw` degrees, in metres."""
+    low, high = bounds([p.mesh.turned(yaw) for p in made(name, style)])
+    return tuple(float(v) for v in (*low, *high))
 
 
 def worlds(name: str, scene: Scene, seed: int) -> tuple[World, ...]:
@@ -130,9 +138,8 @@ def _styled(stand: Stand, split: str, row: int, rng: np.random.Generator) -> Thi
     colour = stand.colour or (looks.colours[int(rng.integers(len(looks.colours)))] if looks.colours else "")
     text = stand.text or (kind.texts[int(rng.integers(len(kind.texts)))] if kind.texts else "")
     style = Style(shape, colour, text, int(rng.integers(24)), stand.extent)
-    low, high = bounds([p.mesh for p in made(name, style)])
-    reach = np.maximum(np.abs(low), np.abs(high))
-    radius = float(max(reach[0], reach[1]))
+    x0, y0, _, x1, y1, _ = extent(name, style, 0.0)
+    radius = max(-x0, -y0, x1, y1)
     return Thing("", name, style, 0.0, 0.0, 0.0, 0.0, row, radius, stand.only)
 
 
@@ -150,16 +157,14 @@ def _spots(stand: Stand, area: Area, placed: Sequence[Thing]) -> Iterator[tuple[
             x, y = rooms.point_on(area.box, stand.wall, fraction, 0.0)
             yield x, y, 0.0, rooms.inward(stand.wall) if turn is None else turn
     for below in [t for t in placed if stand.on and t.name == stand.on]:
-        top = bounds([p.mesh for p in below.parts])[1][2] if below.name != "reception counter" else 1.1
-        yield below.x, below.y, below.z + float(top), below.yaw + (turn or 0.0)
+        yield below.x, below.y, below.z + _top(below), below.yaw + (turn or 0.0)
 
 
 def _depth(thing: Thing, stand: Stand, area: Area) -> float:
     """How far its origin is from the wall it has its back to, so that it touches it; 0 away from walls."""
     if stand.wall is None:
         return 0.0
-    low, _ = bounds([p.mesh for p in thing.parts])
-    return float(-low[0]) + (rooms.THICK if area.room else 0.0) + 0.02 + stand.gap
+    return -extent(thing.name, thing.style, 0.0)[0] + (rooms.THICK if area.room else 0.0) + 0.02 + stand.gap
 
 
 def _scattered(
@@ -211,14 +216,14 @@ def _world(name: str, scene: Scene, visit: int, things: Sequence[Thing]) -> Worl
 
 
 def _target(thing: Thing, scene: Scene) -> Target:
-    low, high = bounds([p.mesh for p in thing.parts])
+    x0, y0, z0, x1, y1, z1 = extent(thing.name, thing.style, 0.0)
     room = thing.area if scene.areas[thing.area].room is not None else -1
-    return Target(thing.x, thing.y, float(max(high - low)) / 2, room)
+    return Target(thing.x, thing.y, max(x1 - x0, y1 - y0, z1 - z0) / 2, room)
 
 
 def _obstacle(thing: Thing, height: float) -> Box | None:
     """The footprint of what a camera at `height` metres would run into; None for rugs, things hung up, things below."""
-    top = thing.z + float(bounds([p.mesh for p in thing.parts])[1][2])
+    top = thing.z + extent(thing.name, thing.style, 0.0)[5]
     if classes()[thing.name].flat or thing.z > 0.3 or top < height - 0.6:
         return None
     (x0, y0), (x1, y1) = corners(thing)
@@ -265,5 +270,10 @@ def _degrees(facing: str | float | None) -> float | None:
 
 def corners(thing: Thing) -> tuple[Point2, Point2]:
     """The footprint's box in world metres: its south-west and north-east corner."""
-    low, high = bounds([p.mesh.turned(thing.yaw) for p in thing.parts])
-    return (thing.x + float(low[0]), thing.y + float(low[1])), (thing.x + float(high[0]), thing.y + float(high[1]))
+    x0, y0, _, x1, y1, _ = extent(thing.name, thing.style, thing.yaw)
+    return (thing.x + x0, thing.y + y0), (thing.x + x1, thing.y + y1)
+
+
+def _top(thing: Thing) -> float:
+    """The height in metres of the surface that something may stand on."""
+    return WORKTOPS.get(thing.name) or extent(thing.name, thing.style, 0.0)[5]

@@ -34,7 +34,7 @@ MOODS: Mapping[Light, Mood] = {
     "overcast": Mood(Lamp((1, 1, 9), 0.68, 0.30), (0.90, 0.92, 0.95), (0.80, 0.82, 0.84), (0.66, 0.69, 0.73)),
     "evening": Mood(Lamp((-8, 2, 4), 0.48, 0.55), (1.06, 0.88, 0.72), (0.98, 0.72, 0.48), (0.42, 0.45, 0.68)),
     "night": Mood(Lamp((2, 3, 9), 0.60, 0.30), (0.26, 0.30, 0.46), (0.12, 0.14, 0.22), (0.03, 0.04, 0.10)),
-    "indoor": Mood(Lamp((2.5, 4, 7), 0.64, 0.42), (1.0, 0.985, 0.95), (0.8, 0.85, 0.9), (0.5, 0.6, 0.8)),
+    "indoor": Mood(Lamp((2.5, 4, 7), 0.70, 0.44), (1.0, 0.985, 0.95), (0.8, 0.85, 0.9), (0.5, 0.6, 0.8)),
 }
 # weather -> metres at which haze hides all but a third of the contrast, share of the sky under cloud
 AIR: Mapping[Weather, tuple[float, float]] = {

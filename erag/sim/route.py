@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
 
 from erag.sim.camera import BODIES, Camera
 from erag.sim.scene import Box, Path, Point2
 
+VIEW = 40.0  # metres within which a robot turns to something
+WIDEST = 14.0  # metres from the middle of an obstacle to its edge, at most
 BESIDE = 0.45  # metres a robot keeps from what it drives round
 SMALLEST, LARGEST = 0.15, 0.75  # half the extent of a target over its distance
 
@@ -22,6 +27,17 @@ class Stop:
     index: int
     metres: float
     camera: Camera
+
+
+class Nearby:
+    """Finds the rows of the points within a radius in metres."""
+
+    def __init__(self, points: Sequence[Point2], radius: float) -> None:
+        self._tree = cKDTree(np.array(points).reshape(-1, 2)) if points else None
+        self._radius = radius
+
+    def __call__(self, at: Point2) -> list[int]:
+        return sorted(self._tree.query_ball_point(at, self._radius)) if self._tree is not None else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +61,20 @@ def stops(
     legs = [math.dist(a, b) for a, b in pairwise(path.points)]
     step = sum(legs) / (path.nodes - 1)
     looked: Counter[int] = Counter()
+    around, beside = Nearby([(t.x, t.y) for t in targets], VIEW), Nearby([_centre(b) for b in obstacles], WIDEST)
     found: list[Stop] = []
     driven = 0.0
     for i in range(path.nodes):
         at, heading = _at(path.points, legs, min(i * step, sum(legs) - 1e-9))
-        at = _aside(at, obstacles)
+        at = _aside(at, [obstacles[i] for i in beside(at)])
         driven += math.dist(at, (found[-1].camera.x, found[-1].camera.y)) if found else 0.0
         look = path.look[i % len(path.look)]
         turned = look == "thing"
-        yaw = _towards(at, targets, rooms(at), looked, heading) if turned else heading + math.radians(float(look))
+        yaw = (
+            _towards(at, {i: targets[i] for i in around(at)}, rooms(at), looked, heading)
+            if turned
+            else heading + math.radians(float(look))
+        )
         camera = Camera(
             round(float(at[0]), 4), round(float(at[1]), 4), height, round(math.remainder(yaw, 2 * math.pi), 6), pitch
         )
@@ -61,10 +82,10 @@ def stops(
     return tuple(found)
 
 
-def _towards(at: Point2, targets: Sequence[Target], room: int, looked: Counter[int], heading: float) -> float:
+def _towards(at: Point2, targets: Mapping[int, Target], room: int, looked: Counter[int], heading: float) -> float:
     """The direction of the target near `at` that was looked at least, the largest to the eye first."""
     best, key = -1, (math.inf, 0.0)
-    for row, t in enumerate(targets):
+    for row, t in targets.items():
         apparent = t.size / max(math.dist(at, (t.x, t.y)), 1e-6)
         if t.room == room and SMALLEST < apparent < LARGEST and (looked[row], -apparent) < key:
             best, key = row, (looked[row], -apparent)
@@ -72,6 +93,10 @@ def _towards(at: Point2, targets: Sequence[Target], room: int, looked: Counter[i
         return heading
     looked[best] += 1
     return math.atan2(targets[best].y - at[1], targets[best].x - at[0])
+
+
+def _centre(box: Box) -> Point2:
+    return (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
 
 
 def _aside(at: Point2, obstacles: Sequence[Box]) -> Point2:

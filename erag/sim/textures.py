@@ -40,7 +40,7 @@ def plain(a: Image, b: Image, rng: np.random.Generator) -> Image:
 
 
 def plaster(a: Image, b: Image, rng: np.random.Generator) -> Image:
-    return _shade(a, 0.03 * _noise(rng, 6) + 0.02 * _noise(rng, 0.8))
+    return _shade(a, 0.012 * _noise(rng, 6) + 0.012 * _noise(rng, 0.8))
 
 
 def asphalt(a: Image, b: Image, rng: np.random.Generator) -> Image:
