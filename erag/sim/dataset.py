@@ -23,6 +23,7 @@ from erag.sim.camera import Size
 from erag.sim.captions import caption, object_caption
 from erag.sim.layout import Thing, World, worlds
 from erag.sim.light import MOODS, finished
+from erag.sim.queries import queries
 from erag.sim.renderer import Renderer
 from erag.sim.scene import parse_scene, scene_names, scene_text
 from erag.sim.town import town_scene
@@ -128,13 +129,12 @@ def moment(world: World, index: int) -> float:
 
 
 def write_queries(out: Path, plan: Plan) -> None:
-    """Write `queries.jsonl` for the worlds of the plan, from their truth alone."""
-    from erag.sim.queries import queries
-
+    """Write `queries.jsonl` for all worlds that are there, from their truth alone."""
+    there = [name for name in scene_names() if _truth(out, name).is_file()]
     with replacing(out / "queries.jsonl") as file:
-        for name in plan.names:
+        for name in there:
             visits = open_world(name, plan.seed)
-            lines = queries(visits, read_truth(_truth(out, name)), plan.setting, plan.seed)
+            lines = queries(visits, read_truth(_truth(out, name)), plan.setting, plan.seed, objects=plan.objects)
             file.writelines(f"{json.dumps(line, ensure_ascii=False)}\n" for line in lines)
 
 

@@ -117,8 +117,10 @@ class Visit(_Strict):
     moved: float = Field(0.0, ge=0, lt=1)
 
 
-class Scene(_Strict):
-    """A world: areas, grounds, doors (points at which walls have a gap), the robot's path and its visits."""
+class Head(BaseModel):
+    """What a world is, without what stands in it."""
+
+    model_config = ConfigDict(frozen=True)
 
     title: str
     kind: str
@@ -128,6 +130,11 @@ class Scene(_Strict):
     robot: Literal["quadruped", "wheeled", "drone"]
     ground: str
     visits: tuple[Visit, ...] = Field(min_length=1, max_length=2)
+
+
+class Scene(Head, _Strict):
+    """A world: areas, grounds, doors (points at which walls have a gap), the robot's path and its visits."""
+
     areas: tuple[Area, ...] = ()
     grounds: tuple[Ground, ...] = ()
     doors: tuple[Point2, ...] = ()
@@ -146,6 +153,11 @@ class Scene(_Strict):
 def scene_names() -> tuple[str, ...]:
     """The shipped worlds in their order: 1 to 10 for training, the others held out."""
     return tuple(sorted(_shipped(), key=lambda name: _shipped()[name]))
+
+
+def scene_heads() -> list[tuple[str, Head]]:
+    """Name and head of each shipped world, in order."""
+    return [(name, validated(Head, parse(scene_text(name), name), name)) for name in scene_names()]
 
 
 def scene_text(name: str) -> str:

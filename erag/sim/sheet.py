@@ -13,6 +13,7 @@ from erag.sim.mesh import bounds, sheet
 from erag.sim.model import Parts, Style, part
 from erag.sim.renderer import Lamp, Renderer, Solid
 from erag.sim.shapes import BUILDERS
+from erag.sim.vocabulary import classes
 
 _GROUND = part("concrete", sheet(60, 60))
 
@@ -37,6 +38,15 @@ def classes_sheet(names: Sequence[str], styles: Sequence[Style], columns: int, s
     with Renderer() as renderer:
         shots = [portrait(renderer, BUILDERS[n](s), size) for n, s in zip(names, styles, strict=True)]
     return tiled(shots, names, columns)
+
+
+def class_page(split: str) -> Image.Image:
+    """All classes in their first look in the worlds of `split`."""
+    styles = []
+    for kind in classes().values():
+        looks = kind.styles(split)
+        styles.append(Style(next(iter(looks.shapes)), next(iter(looks.colours), ""), next(iter(kind.texts), ""), 3))
+    return classes_sheet(tuple(classes()), styles, 15, Size(120, 96))
 
 
 def tiled(shots: Sequence[Image.Image], labels: Sequence[str], columns: int) -> Image.Image:
