@@ -28,6 +28,9 @@ def build(
     captions: Annotated[Literal["none", "truth"], typer.Option(help="none, or true ones from the labels")] = "none",
 ) -> None:
     """Render worlds into observation folders, GML, ground truth and labelled queries."""
+    from erag.sim.extra import require
+
+    require()
     from erag.sim.dataset import Plan
     from erag.sim.dataset import build as build_dataset
 
@@ -52,6 +55,9 @@ def sheet(
     split: Annotated[Literal["train", "test"], typer.Option(help="looks of training or of held-out worlds")] = "train",
 ) -> None:
     """Draw every object class with its name, to be looked at."""
+    from erag.sim.extra import require
+
+    require()
     from erag.sim.sheet import class_page
 
     class_page(split).save(out)

@@ -122,7 +122,8 @@ def _stand(
         turn = math.radians(yaw)
         x, y = x + math.cos(turn) * depth, y + math.sin(turn) * depth
         mobile = classes()[thing.name].mobile and not stand.on
-        dx, dy, dyaw = rng.uniform(-1, 1, 3) * ((0.12, 0.12, 7.0) if mobile else (0.0, 0.0, 0.0))
+        shake = rng.uniform(-1, 1, 3) * ((0.12, 0.12, 7.0) if mobile else (0.0, 0.0, 0.0))
+        dx, dy, dyaw = shake.tolist()
         z += classes()[thing.name].height
         fresh.append(replace(thing, x=x + dx, y=y + dy, z=z, yaw=yaw + dyaw))
     yield from (t for t in fresh if rng.random() < stand.chance)
@@ -248,13 +249,14 @@ def _structure(scene: Scene) -> Iterator[tuple[tuple[Part, ...], int]]:
     cx, cy = (sum(p[i] for p in scene.path.points) / len(scene.path.points) for i in (0, 1))
     span = max(half, *(abs(p[i] - (cx, cy)[i]) + 150 for p in scene.path.points for i in (0, 1)))
     yield (rooms.ground(scene.ground, (cx - span, cy - span, cx + span, cy + span), 0.0),), -1
-    for level, g in enumerate(scene.grounds):
-        yield (rooms.ground(g.material, g.box, LIFT * (1 + level % 3)),), -1
+    layers = list(dict.fromkeys(g.material for g in scene.grounds))  # a material lies on those named before it
+    for g in scene.grounds:
+        yield (rooms.ground(g.material, g.box, LIFT * (1 + layers.index(g.material))),), -1
     for row, area in enumerate(scene.areas):
         if area.ground:
-            yield (rooms.ground(area.ground, area.box, LIFT * 4),), row
+            yield (rooms.ground(area.ground, area.box, LIFT * (len(layers) + 1)),), row
         if area.room is not None:
-            for p in rooms.room_parts(area, scene.doors, LIFT * 5):
+            for p in rooms.room_parts(area, scene.doors, LIFT * (len(layers) + 2)):
                 yield (p,), row
 
 

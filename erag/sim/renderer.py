@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
+import os
+import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,9 +16,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from erag.core.errors import ConfigError
 from erag.sim import lettering
 from erag.sim.camera import FAR, FIELD_OF_VIEW, NEAR, Camera, Frame, Size
+from erag.sim.extra import require
 from erag.sim.materials import materials
 from erag.sim.model import Part, Picture
 from erag.sim.textures import texture
@@ -144,10 +147,17 @@ def _image(look: str | Picture) -> Image.Image:
 
 
 def _pybullet() -> Any:
+    """The module; what it prints when it is imported goes nowhere, since stdout is for results."""
+    require()
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     try:
+        os.dup2(nowhere, 1)
         import pybullet
-    except ImportError:
-        raise ConfigError(
-            "pybullet is not installed", where="erag sim", repair="pip install 'erag[sim]' (needs a C++ compiler)"
-        ) from None
+
+        ctypes.CDLL(None).fflush(None)  # its line waits in C's buffer
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
     return pybullet

@@ -100,15 +100,16 @@ def _centre(box: Box) -> Point2:
 
 
 def _aside(at: Point2, obstacles: Sequence[Box]) -> Point2:
-    """`at`, or where it is inside an obstacle the nearest point beside it."""
-    x, y = at
-    for _ in range(4):
-        for x0, y0, x1, y1 in obstacles:
-            out = {x0 - x - BESIDE: 0, x1 - x + BESIDE: 0, y0 - y - BESIDE: 1, y1 - y + BESIDE: 1}
-            if x0 - BESIDE < x < x1 + BESIDE and y0 - BESIDE < y < y1 + BESIDE:
-                shift = min(out, key=abs)
-                x, y = (x + shift, y) if out[shift] == 0 else (x, y + shift)
-    return x, y
+    """`at` if nothing stands there, else the nearest of the points on rings around it where nothing does."""
+
+    def free(p: Point2) -> bool:
+        return not any(
+            x0 - BESIDE < p[0] < x1 + BESIDE and y0 - BESIDE < p[1] < y1 + BESIDE for x0, y0, x1, y1 in obstacles
+        )
+
+    rings = ((0.25 * r, t * math.pi / 8) for r in range(1, 24) for t in range(16))
+    around = ((at[0] + r * math.cos(t), at[1] + r * math.sin(t)) for r, t in rings)
+    return at if free(at) else next((p for p in around if free(p)), at)
 
 
 def clearance(path: Path, point: Point2) -> float:

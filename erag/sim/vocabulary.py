@@ -79,7 +79,8 @@ class ObjectClass(BaseModel):
 
 def plural(name: str) -> str:
     """The plural of a class's name."""
-    return classes()[name].plural or f"{name}s"
+    regular = f"{name}es" if name.endswith(("ch", "sh", "s", "x")) else f"{name}s"
+    return classes()[name].plural or regular
 
 
 @cache
