@@ -184,7 +184,7 @@ def _chunk(work: Path, world: World, number: int) -> Path:
 def _render_chunk(renderer: Renderer, world: World, size: Size, work: Path, number: int) -> None:
     """Render the frames of a chunk; the list of its views is written last, whole or not at all."""
     part = world.stops[number * CHUNK : (number + 1) * CHUNK]
-    renderer.load(world.solids, _near(world, [(s.camera.x, s.camera.y) for s in part]))
+    renderer.load(world.solids, near_rows(world, [(s.camera.x, s.camera.y) for s in part]))
     views = []
     for stop in part:
         node = node_id(world, stop.index)
@@ -198,7 +198,7 @@ def _render_chunk(renderer: Renderer, world: World, size: Size, work: Path, numb
         file.writelines(f"{to_json(v)}\n" for v in views)
 
 
-def _near(world: World, eyes: Sequence[tuple[float, float]]) -> list[int]:
+def near_rows(world: World, eyes: Sequence[tuple[float, float]]) -> list[int]:
     """Rows of the solids that may be seen: grounds and walls, and things within the scene's reach of an eye."""
     reach = world.scene.reach
     return [

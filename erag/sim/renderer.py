@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 import os
 import sys
@@ -147,17 +146,15 @@ def _image(look: str | Picture) -> Image.Image:
 
 
 def _pybullet() -> Any:
-    """The module; what it prints when it is imported goes nowhere, since stdout is for results."""
+    """The module; the line it prints on stderr when it is imported goes nowhere."""
     require()
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
         import pybullet
-
-        ctypes.CDLL(None).fflush(None)  # its line waits in C's buffer
     finally:
-        os.dup2(kept, 1)
+        os.dup2(kept, 2)
         os.close(kept)
         os.close(nowhere)
     return pybullet
