@@ -74,5 +74,5 @@ def grouped(things: Sequence[Seen]) -> str:
     if len(set(colours)) == 1 and len(colours) == len(things):
         return f"{number(len(things))} {colours[0]} {plural(name)}"
     if len(things) <= 3 and len(set(colours)) == len(things):
-        return f"{number(len(things))} {plural(name)}, {listed([*colours])}"
+        return f"{number(len(things))} {plural(name)} ({listed(colours)})"
     return f"{number(len(things))} {plural(name)}"

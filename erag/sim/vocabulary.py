@@ -92,4 +92,4 @@ def classes() -> Mapping[str, ObjectClass]:
 def article(phrase: str) -> str:
     """`phrase` with its indefinite article."""
     vowel = phrase[:1].lower() in "aeiou" and not phrase.lower().startswith(("uni", "us", "eu", "one"))
-    return f"{'an' if vowel or phrase.startswith(('IV', 'hour')) else 'a'} {phrase}"
+    return f"{'an' if vowel else 'a'} {phrase}"

@@ -113,7 +113,7 @@ def hay_bale(s: Style) -> Parts:
     return [part("straw", cylinder(0.75, 1.3, (0, 0, -0.65), sides=20).turned(90, "x").moved(0, 0, 0.75))]
 
 
-def maize(s: Style) -> Parts:
+def maize_plant(s: Style) -> Parts:
     stems = []
     for i in range(4):
         for j in range(7):
@@ -158,4 +158,4 @@ def log_pile(s: Style) -> Parts:
     return [part("bark", *logs), part("pale wood", *ends)]
 
 
-BUILDERS = (tree, conifer, hedge, shrub, flower_bed, potted_plant, hay_bale, maize, pumpkin, log_pile)
+BUILDERS = (tree, conifer, hedge, shrub, flower_bed, potted_plant, hay_bale, maize_plant, pumpkin, log_pile)
