@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -110,43 +110,37 @@ def changes(known: Known) -> Iterator[Line]:
     """What is different on the second visit: which things have gone, which came, which season it is."""
     if len(known.visits) < 2:
         return
-    before, after = ({t.id: t for t in w.things if t is not None} for w in known.visits)
+    before, after = ({t.id: t.name for t in w.things if t is not None} for w in known.visits)
     seen = {v: {o.instance for x in known.views if x.visit == v for o in x.visible} for v in (1, 2)}
-    gone = sorted({before[i].name for i in before.keys() - after.keys() if i in seen[1]})
-    came = sorted({after[i].name for i in after.keys() - before.keys() if i in seen[2]})
-    since = known.visits[1].when.start
+    gone = sorted({before[i] for i in before.keys() - after.keys() if i in seen[1]})
+    came = sorted({after[i] for i in after.keys() - before.keys() if i in seen[2]})
     if gone:
-        answer = f"Since the first visit {listed([article(n) for n in gone])} {'is' if len(gone) == 1 else 'are'} gone."
-        yield query(
-            known,
-            "global",
-            "change",
-            "What has disappeared since the first visit?",
-            golden_answer=answer,
-            target=", ".join(gone),
-        )
+        answer = f"Since the first visit {_some(gone)} {'is' if len(gone) == 1 else 'are'} gone."
+        yield _changed(known, "What has disappeared since the first visit?", answer, gone)
     if came:
-        answer = (
-            f"{capital(listed([article(n) for n in came]))} {'was' if len(came) == 1 else 'were'} not there before."
-        )
-        yield query(
-            known,
-            "global",
-            "change",
-            "What is new since the first visit?",
-            golden_answer=answer,
-            target=", ".join(came),
-        )
-        for name in came:
-            nodes = [n for n in known.nodes(name) if n.endswith("@b") or "-b-" in n]
-            text = f"Find {article(name)} that is there now."
-            yield query(known, "explicit", "change", text, relevant=nodes, since=since, target=name)
+        answer = f"{capital(_some(came))} {'was' if len(came) == 1 else 'were'} not there before."
+        yield _changed(known, "What is new since the first visit?", answer, came)
+        yield from (_arrived(known, name) for name in came)
     first, second = (w.when for w in known.visits)
     if known.visits[0].scene.setting != "indoor":
         answer = f"First it was {first.season}, the second time {second.season}, with {_WEATHER[second.weather]}."
-        yield query(
-            known, "global", "change", "How do the two visits differ in season and weather?", golden_answer=answer
-        )
+        yield _changed(known, "How do the two visits differ in season and weather?", answer, ())
+
+
+def _some(names: Sequence[str]) -> str:
+    return listed([article(n) for n in names])
+
+
+def _changed(known: Known, text: str, answer: str, names: Sequence[str]) -> Line:
+    return query(known, "global", "change", text, golden_answer=answer, target=", ".join(names) or None)
+
+
+def _arrived(known: Known, name: str) -> Line:
+    """Find something that came since the first visit; only nodes of the second visit are relevant."""
+    nodes = [n for n in known.nodes(name) if n.endswith("@b") or n.startswith(f"{known.name}-b-")]
+    text = f"Find {article(name)} that is there now."
+    since = known.visits[1].when.start
+    return query(known, "explicit", "change", text, relevant=nodes, since=since, target=name)
 
 
 def _most_seen(known: Known) -> list[tuple[str, int]]:
