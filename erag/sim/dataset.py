@@ -67,6 +67,7 @@ def build(out: Path, plan: Plan, progress: Progress = quiet) -> None:
     for name in plan.names:
         build_world(out, name, plan, progress)
     write_queries(out, plan)
+    shutil.rmtree(out / WORK, ignore_errors=True)
 
 
 def build_world(out: Path, name: str, plan: Plan, progress: Progress = quiet) -> None:

@@ -13,7 +13,7 @@ from erag.sim.asking import Known, Line, query
 from erag.sim.layout import World, generator
 from erag.sim.phrases import look, pick
 from erag.sim.truth import Seen, View
-from erag.sim.vocabulary import article, classes, plural, read_words, validated
+from erag.sim.vocabulary import article, classes, kin, plural, read_words, validated
 
 EXPLICIT, IMPLICIT, UNANSWERABLE = 10, 10, 3  # of each a world; a town has TOWN times as many
 TOWN = 3
@@ -63,15 +63,16 @@ def queries(
 
 def _explicit(known: Known, rng: np.random.Generator, count: int, sensors: bool) -> Iterator[Line]:
     """Find this class, some by their looks; classes are drawn without repetition."""
-    names = [n for n in known.nodes_by_class if _rare(known, (n,))]
+    names = [n for n in known.nodes_by_class if _rare(known, kin(n))]
     for name in rng.permutation(names)[:count].tolist():
         seen = [o for v in known.views for o in v.visible if o.name == name]
         looks = sorted({look(o) for o in seen})
         chosen = pick(rng, looks) if len(looks) > 1 and rng.random() < 0.5 else None
-        nodes = known.nodes(name) if chosen is None else _by_look(known, name, chosen)
+        nodes = known.nodes(*kin(name)) if chosen is None else _by_look(known, name, chosen)
         what = chosen or name
         text = pick(rng, _FIND).format(a=article(what), name=what)
-        yield from _found(known, "explicit", text, nodes, rng, sensors, name)
+        target = " or ".join(kin(name) if chosen is None else (name,))
+        yield from _found(known, "explicit", text, nodes, rng, sensors, target)
 
 
 def _implicit(known: Known, rng: np.random.Generator, count: int, sensors: bool) -> Iterator[Line]:
@@ -119,7 +120,9 @@ def _rare(known: Known, names: Sequence[str]) -> bool:
 def _unanswerable(known: Known, rng: np.random.Generator, count: int) -> Iterator[Line]:
     """Classes and wishes for which there is nothing in this world at all, not even unseen."""
     there = {t.name for world in known.visits for t in world.things if t is not None}
-    names = [n for n in classes() if n not in there]
+    said = giveaways(sorted(there))
+    title = known.visits[0].scene.title
+    names = [n for n in classes() if n not in there and n not in title and not giveaways((n,)) & said]
     able = [w for w in wishes() if not there & set(w.by)]
     for name in rng.permutation(names)[: count - 1].tolist():
         text = pick(rng, _FIND).format(a=article(name), name=name)

@@ -55,8 +55,9 @@ class Styles(BaseModel):
 class ObjectClass(BaseModel):
     """A class of objects: how it is called, how it may look in training and in held-out worlds, where it is found.
 
-    `words` are further words that would give the object away in an implicit query; `big` marks what may fill the
-    view (buildings, trees) and so comes last in a caption; `mobile` what moves or goes between two visits.
+    `words` are further words that would give the object away in an implicit query, `is_a` classes it also counts as;
+    `big` marks what may fill the view (buildings, trees) and so comes last in a caption, `mobile` what moves or goes
+    between two visits, `flat` what one drives over; `height` is metres above the floor where it hangs.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -66,6 +67,7 @@ class ObjectClass(BaseModel):
     train: Styles = Styles()
     held_out: Styles | None = None
     words: tuple[str, ...] = ()
+    is_a: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
     big: bool = False
     mobile: bool = False
@@ -87,6 +89,11 @@ def plural(name: str) -> str:
 def classes() -> Mapping[str, ObjectClass]:
     """All object classes by name, from `words/classes.yaml`."""
     return {name: validated(ObjectClass, raw, f"classes.yaml: {name}") for name, raw in read_words("classes").items()}
+
+
+def kin(name: str) -> tuple[str, ...]:
+    """The class and those that count as one of it: an office chair is a chair, a conifer a tree."""
+    return (name, *(n for n, k in classes().items() if name in k.is_a))
 
 
 def article(phrase: str) -> str:
