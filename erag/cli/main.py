@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from erag.cli import bench, demo, distil, doctor, memory, models, query
+from erag.cli import bench, demo, distil, doctor, memory, models, query, sim
 from erag.cli.show import say
 from erag.core.errors import EragError
 
@@ -20,6 +20,7 @@ app = typer.Typer(
 for module in (memory, query, demo, doctor, bench, distil):
     module.register(app)
 app.add_typer(models.app, name="models")
+app.add_typer(sim.app, name="sim")
 
 
 def main() -> None:

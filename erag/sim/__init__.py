@@ -1,0 +1,1 @@
+"""Simulated worlds with ground truth: scenes, objects, a renderer, labels, queries (extra `sim`)."""
