@@ -26,9 +26,7 @@ def text_lines(texts: Sequence[str]) -> list[QueryLine]:
     return [QueryLine(i, f"ask {i}", {"id": f"ask {i}", "query": text}) for i, text in enumerate(texts, 1)]
 
 
-def ask(
-    asker: Asker, lines: Iterable[QueryLine], top: int = 5, at: Sequence[float] | None = None
-) -> Iterator[Asked]:
+def ask(asker: Asker, lines: Iterable[QueryLine], top: int = 5, at: Sequence[float] | None = None) -> Iterator[Asked]:
     """Ask a memory the lines in order; `at` is the robot's position where a line states none.
 
     A line that cannot be asked or answered has a result with `error`. Raises ModelError when the models cannot be

@@ -56,7 +56,9 @@ def chart(topomap: TopoMap, forest: Forest) -> Chart:
     plane = Plane.of(topomap.frame, topomap.positions)
     points = plane.points(topomap.positions)
     centres = np.array([c.position for c in forest.clusters], np.float64).reshape(-1, 3)
-    return Chart(plane, _strokes(topomap.edges, points), _groups(topomap, forest, points), points, plane.points(centres))
+    return Chart(
+        plane, _strokes(topomap.edges, points), _groups(topomap, forest, points), points, plane.points(centres)
+    )
 
 
 def hue_of(cluster: int) -> int:

@@ -61,8 +61,9 @@ def render(shown: Shown, asked: Sequence[Asked] = (), config: ReportConfig | Non
     html = environment.get_template("page.html").render(
         shown=shown, chart=drawn, steps=steps(forest, topomap), questions=questions, style=style, script=script,
         policy=_policy(style, script), facts=_facts(shown, pictures), counts=_counts(shown, drawn, questions),
-        edges={kind.name.lower(): told for kind, told in _EDGES.items()}, opened=_opened(questions), issues=pictures.issues,
-        data=records(topomap, forest, drawn, questions, pictures.by_row), wgs84=topomap.frame is Frame.WGS84,
+        edges={kind.name.lower(): told for kind, told in _EDGES.items()}, opened=_opened(questions),
+        issues=pictures.issues, data=records(topomap, forest, drawn, questions, pictures.by_row),
+        wgs84=topomap.frame is Frame.WGS84,
     )  # fmt: skip
     return Page(html, _line(shown, questions, pictures), pictures.issues)
 

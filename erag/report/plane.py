@@ -60,4 +60,4 @@ def _metres(frame: Frame, origin: tuple[float, float], positions: Points) -> Poi
         return flat
     east = (flat[:, 0] + 180) % 360 - 180
     shrink = np.cos(np.radians(origin[1]))
-    return np.radians(np.stack([east * shrink, flat[:, 1]], axis=1)) * EARTH_RADIUS_M
+    return np.asarray(np.radians(np.stack([east * shrink, flat[:, 1]], axis=1)) * EARTH_RADIUS_M)

@@ -18,14 +18,25 @@ Status = Literal["find", "explain", "refused", "error"]
 
 @dataclass(frozen=True, slots=True)
 class HitView:
-    """A hit: scores are in [0, 1], `parts` those that were asked for; `way` the clusters it was found through."""
+    """A hit: scores are in [0, 1], `parts` those that were asked for; `clusters` the names of those it was
+    found through."""
 
     row: int
     id: str
     title: str
     score: float
     parts: tuple[tuple[str, float], ...]
-    way: str
+    clusters: tuple[str, ...]
+
+    @property
+    def way(self) -> str:
+        """All clusters it was found through, from the root down."""
+        return " › ".join(self.clusters)
+
+    @property
+    def near(self) -> str:
+        """The lowest two of them."""
+        return " › ".join(("…", *self.clusters[-2:]) if len(self.clusters) > 2 else self.clusters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +97,9 @@ class Wording:
     def _hit(self, hit: Hit) -> HitView:
         row = self._map.row[hit.node]
         parts = (("semantic", hit.semantic), ("spatial", hit.spatial), ("sensor", hit.sensor))
-        way = " › ".join(self._titles[i] for i in hit.path if i in self._titles)
+        clusters = tuple(self._titles[i] for i in hit.path if i in self._titles)
         asked = tuple((name, value) for name, value in parts if value is not None)
-        return HitView(row, clean(hit.node), self._title(row), hit.score, asked, way)
+        return HitView(row, clean(hit.node), self._title(row), hit.score, asked, clusters)
 
     def _title(self, row: int) -> str:
         node = self._map.nodes[row]
@@ -145,7 +156,9 @@ def _route(route: Route | None) -> str:
     if route is None or route.status == "no_start":
         return ""
     if route.status != "ok" or route.length_m is None:
-        return {"unreachable": "no way there is on the map", "off_map": "the start is off the map"}.get(route.status, "")
+        return {"unreachable": "no way there is on the map", "off_map": "the start is off the map"}.get(
+            route.status, ""
+        )
     bridges = f", {route.bridges} of its edges bridged, not driven" if route.bridges else ""
     return f"{route.length_m:,.0f} m over {len(route.nodes):,} nodes{bridges}"
 

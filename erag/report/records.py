@@ -64,4 +64,10 @@ def _cluster(cluster: Cluster, point: Sequence[int], above: int, views: int) -> 
 def _question(view: QuestionView, drawn: Chart) -> dict[str, Any]:
     start = None if view.start is None else drawn.plane.points(np.array([view.start])).tolist()[0]
     hits = [hit.row for hit in view.hits] if view.status in ("find", "explain") else []
-    return {"start": start, "goal": view.goal, "way": list(view.way), "hits": hits, "seen": [r for r, _ in view.evidence]}
+    return {
+        "start": start,
+        "goal": view.goal,
+        "way": list(view.way),
+        "hits": hits,
+        "seen": [r for r, _ in view.evidence],
+    }

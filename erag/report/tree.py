@@ -34,7 +34,7 @@ class Step:
 def steps(forest: Forest, topomap: TopoMap) -> Iterator[Step]:
     """The forest from its roots down, the larger branch first; every cluster is opened and closed."""
     views = leaf_counts(forest)
-    stack: list[int | Step] = _ordered(forest.roots, views)
+    stack: list[int | Step] = [*_ordered(forest.roots, views)]
     while stack:
         item = stack.pop()
         if isinstance(item, Step):
@@ -61,7 +61,7 @@ def title_of(cluster: Cluster) -> str:
     return clean(cluster.name) or cluster.id
 
 
-def _ordered(rows: IntArray, views: list[int]) -> list[int | Step]:
+def _ordered(rows: IntArray, views: list[int]) -> list[int]:
     """Rows as a stack gives them back: clusters by size, then leaves in their order."""
     return sorted((int(r) for r in rows), key=lambda r: (views[r], -r))
 

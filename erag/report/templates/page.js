@@ -97,7 +97,7 @@
     }
     if (!$("names").checked) return;
     for (const i of bySize) {
-      if (taken.length > most) break;
+      if (taken.length > (state.question >= 0 ? most / 2 : most)) break;
       const [x, y, title] = [clusters[i][CX], clusters[i][CY], clusters[i][TITLE]];
       const said = title.length > 26 ? `${title.slice(0, 25)}…` : title;
       if (place(x, y, said, 13)) text(x, y, said);
@@ -188,7 +188,7 @@
     nodes.forEach((node, row) => {
       const along = (node[X] - from[X]) * dx + (node[Y] - from[Y]) * dy;
       const aside = Math.abs((node[X] - from[X]) * dy) + Math.abs((node[Y] - from[Y]) * dx);
-      if (row !== state.kept && along > 0 && along + 2 * aside < least) { best = row; least = along + 2 * aside; }
+      if (along > 0 && aside <= along && along + aside < least) { best = row; least = along + aside; }
     });
     if (best >= 0) keep(best);
   }
@@ -209,7 +209,7 @@
     clearAll();
     $("search").value = "";
     state.question = i;
-    const question = questions[i], rows = [...new Set([...question.way, ...question.hits, ...question.seen])];
+    const question = questions[i], rows = [...new Set([...question.hits, ...question.seen])];
     const points = drawWay(question);
     if (rows.length) { light(rows); chip("Answer"); }
     const first = question.goal ?? question.seen[0] ?? question.hits[0];
