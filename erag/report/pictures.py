@@ -24,8 +24,17 @@ if TYPE_CHECKING:
 FORMATS = ("JPEG", "PNG", "WEBP", "BMP", "TIFF")
 _LISTED = 20  # unreadable images named one by one
 # What Pillow's decoders let through for files that are not what they say.
-_BROKEN = (OSError, ValueError, TypeError, LookupError, ArithmeticError, SyntaxError, EOFError, struct.error)
-_BOMBS = (MemoryError, zlib.error, RuntimeError)
+_BROKEN = (
+    OSError,
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    SyntaxError,
+    EOFError,
+    struct.error,
+    zlib.error,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +87,8 @@ def _side(count: int, config: PictureConfig) -> int:
 
 def _thumbnail(file: ImageFile, side: int, config: PictureConfig) -> str:
     """One image file as a `data:` address. Raises InputError."""
+    from PIL.Image import DecompressionBombError
+
     raw = _bytes(file, config)
     try:
         with warnings.catch_warnings():
@@ -85,7 +96,7 @@ def _thumbnail(file: ImageFile, side: int, config: PictureConfig) -> str:
             return _encoded(_small(raw, side, config), config.quality)
     except InputError:
         raise
-    except (*_BROKEN, *_BOMBS) as error:
+    except (*_BROKEN, DecompressionBombError) as error:
         raise InputError(f"cannot be decoded: {printable(str(error) or type(error).__name__, 120)}") from error
 
 

@@ -35,8 +35,8 @@ class HitView:
 
     @property
     def near(self) -> str:
-        """The lowest two of them."""
-        return " › ".join(("…", *self.clusters[-2:]) if len(self.clusters) > 2 else self.clusters)
+        """The lowest of them."""
+        return self.clusters[-1] if self.clusters else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -323,6 +323,14 @@
     });
   new ResizeObserver(() => show(view.x, view.y, view.x + view.w, view.y + view.h)).observe(frame);
 
+  for (const button of document.querySelectorAll(".hits button[data-node]")) {
+    if (!pictures[button.dataset.node]) continue;
+    const picture = document.createElement("img");
+    picture.alt = "";
+    picture.loading = "lazy";
+    picture.src = pictures[button.dataset.node];
+    button.querySelector(".rank").after(picture);
+  }
   dots.classList.toggle("many", nodes.length > 400);
   ring(-1);
   drawWay(null);
