@@ -23,7 +23,7 @@ check-all: test check-llamacpp check-clip
 # llama.cpp is compiled here: g++ and about 4 minutes more.
 check-llamacpp: .venv-llamacpp/.ready models
 	@echo "== check-llamacpp: the llama.cpp engine with SmolLM2, and that PyTorch agrees with it (about 2 minutes)"
-	@OMP_NUM_THREADS=2 $(LLAMACPP)/python -m pytest -q tests/lm/llamacpp tests/lm/torchlm/test_torchlm_llamacpp.py tests/bench
+	@OMP_NUM_THREADS=2 $(LLAMACPP)/python -m pytest -q tests/lm/llamacpp tests/lm/torchlm/test_torchlm_llamacpp.py tests/lm/test_signs.py tests/lm/test_vlm.py
 	@$(LLAMACPP)/erag doctor
 	@$(LLAMACPP)/erag bench --config configs/bench/throughput.yaml
 
@@ -31,7 +31,7 @@ check-llamacpp: .venv-llamacpp/.ready models
 	@echo "== set-up: an environment with llama.cpp in .venv-llamacpp (5 to 10 minutes, 1.6 GB)"
 	@$(PYTHON) -m venv .venv-llamacpp
 	@$(LLAMACPP)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=24"
-	@$(LLAMACPP)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[sentence,torchlm,llamacpp,dev]"
+	@$(LLAMACPP)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[sentence,torchlm,llamacpp,eyes,ocr,dev]"
 	@touch $@
 
 # open_clip needs torchvision, and torchvision another torch than .venv's: an environment of its own.
@@ -53,7 +53,8 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "erag needs Python 3.11 or newer: make PYTHON=python3.11")'
 	@$(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=24"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[sentence,torchlm,eyes,ocr,train,dev]"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		--editable ".[sentence,torchlm,eyes,sim,train,report,dev]"
 	@touch $(READY)
 
 models: $(READY)

@@ -126,16 +126,23 @@ def _position(asker: Asker, at: str | None, at_node: str | None) -> list[float] 
     if at is not None and at_node is not None:
         raise InputError("both are given", where="--at and --at-node", allowed="one of them")
     if at_node is not None:
-        rows = asker.corpus.topomap.row
-        if at_node not in rows:
-            raise InputError(f"no node {at_node!r}", where="--at-node", allowed="the id of a node of this memory")
-        return list(asker.corpus.topomap.nodes[rows[at_node]].pose.xyz)
+        return node_position(asker, at_node)
     if at is None:
         return None
     try:
         return [float(part) for part in at.split(",")]
     except ValueError as error:
         raise InputError(f"{at!r}", where="--at", allowed="X,Y or X,Y,Z") from error
+
+
+def node_position(asker: Asker, node: str) -> list[float]:
+    """The position [x, y, z] of the node that `--at-node` names. Raises InputError for an unknown one."""
+    from erag.core.errors import InputError
+
+    rows = asker.corpus.topomap.row
+    if node not in rows:
+        raise InputError(f"no node {node!r}", where="--at-node", allowed="the id of a node of this memory")
+    return list(asker.corpus.topomap.nodes[rows[node]].pose.xyz)
 
 
 def _pairs(given: Sequence[str], option: str) -> dict[str, str]:
