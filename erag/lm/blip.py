@@ -144,6 +144,7 @@ class Blip:
         go_offline()
         folder = self._store.path(self._config.model)
         import torch
+        from safetensors import SafetensorError
         from transformers import AutoTokenizer, BlipForConditionalGeneration
 
         if not any(folder.glob("*.safetensors")):
@@ -155,7 +156,7 @@ class Blip:
                 folder, local_files_only=True, use_safetensors=True, dtype=dtype
             )
             tokenizer = AutoTokenizer.from_pretrained(folder, local_files_only=True)
-        except (OSError, ValueError, RuntimeError, KeyError) as error:
+        except (OSError, ValueError, RuntimeError, KeyError, SafetensorError) as error:
             what = f"is no BLIP captioner: {error}"
             raise ModelError(what, where=str(folder), allowed=_ALLOWED) from error
         model.eval()

@@ -64,7 +64,7 @@ class Asker:
         found = self._retriever.retrieve([query], vector[None, :])[0]
         answer = self._answerer.answer(query, vector, found.hits, self._retriever.eligible(query))
         seconds = time.perf_counter() - start
-        made = dict(self.ledger.calls - calls)
+        made = {"embed": 0, **(self.ledger.calls - calls)}
         return Result(query.id, found.hits, answer, seconds, found.visited, made, (*self.notes, *found.notes))
 
     def ask_lines(self, lines: Iterable[QueryLine], top: int) -> Iterator[Result]:

@@ -130,7 +130,7 @@ def test_bad_lines_are_answered_by_errors_in_their_place(
         (("query", "no.erag", "x"), "no such memory file"),
         (("ingest", "no-such-source", "--out", "m.erag"), "no-such-source"),
         (("ingest", "no-such-source", "--out", "m.erag", "--reader", "pickle"), "pickle"),
-        (("query", "M", "x", "--preset", "huge"), "allowed: tiny"),
+        (("query", "M", "x", "--preset", "huge"), "allowed: paper, standard, tiny"),
         (("query", "M", "x", "--set", "retrieve.pool=0"), "retrieve.pool"),
         (("query", "M", "x", "--set", "nonsense"), "path=value"),
         (("query", "M"), "neither query nor at"),

@@ -5,7 +5,7 @@ import pytest
 
 from erag.core.types import Cluster, Edges, Forest, Frame, Observation, Pose, TopoMap
 from erag.forest.facts import cluster_facts
-from erag.forest.summaries import summarise_forest
+from erag.forest.summaries import SummaryConfig, summarise_forest
 from erag.forest.support import Evidence, supported
 from erag.forest.vocabulary import map_vocabulary
 from erag.lm.ledger import Ledger
@@ -69,7 +69,7 @@ def test_statements_without_support_are_told_apart() -> None:
 def test_every_cluster_is_described_and_inventions_are_removed_and_counted() -> None:
     topomap, forest = world()
     liar, ledger = Liar(), Ledger()
-    told = summarise_forest(topomap, forest, liar, ledger=ledger)
+    told = summarise_forest(topomap, forest, liar, SummaryConfig(again=None), ledger)
     assert all(c.name and c.summary for c in told.clusters)
     assert not any("helicopter" in c.summary or "volcano" in c.summary for c in told.clusters)
     assert not any("dragon" in r for c in told.clusters for r in c.relationships)

@@ -44,6 +44,12 @@ class Lexicon:
         return {text: i for i, text in reversed(list(enumerate(self.texts))) if text}
 
     @cached_property
+    def parts(self) -> dict[bytes, int]:
+        """The token of a run of bytes, parts of characters among them; of equal ones the first."""
+        spelt = ((i, self.vocabulary.bytes_of(i)) for i in range(len(self.texts)) if i not in self.vocabulary.control)
+        return {data: i for i, data in reversed(list(spelt)) if data}
+
+    @cached_property
     def characters(self) -> torch.Tensor:
         """(v,) characters that a token adds to a string, the last perhaps only begun; 0 for tokens that cannot."""
         import torch

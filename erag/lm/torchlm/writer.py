@@ -189,20 +189,21 @@ class JsonWriter:
         return more
 
     def _options(self, values: tuple[str, ...]) -> _Steps:
-        done, left = values[0][: common(values)], list(values)
-        self._say(done)
-        while len(left) > 1:
-            fits = {t: i for t in _prefixes(left, len(done)) if (i := self._lexicon.ids.get(t)) is not None}
+        """One of the values, chosen byte by byte where no token holds the character in which they differ."""
+        agreed = values[0][: common(values)]
+        done, left = agreed.encode(), [value.encode() for value in values]
+        self._say(agreed)
+        while len(left) > 1 or _within_character(left[0], len(done)):
+            fits = {t: i for t in _prefixes(left, len(done)) if (i := self._lexicon.parts.get(t)) is not None}
             stops = self._lexicon.leading(_STOPS) if done in left else frozenset()
             token = yield self._among(frozenset(fits.values()) | stops)
-            text = self._lexicon.texts[token] or ""
             if token in stops:
                 left = [done]
                 break
             self._take(token)
-            done += text
+            done += self._lexicon.vocabulary.bytes_of(token)
             left = [value for value in left if value.startswith(done)]
-        self._say(left[0][len(done) :])
+        self._say(left[0][len(done) :].decode())
 
     def _number(self, node: Number) -> _Steps:
         done = ""
@@ -258,7 +259,12 @@ class JsonWriter:
         return _Ask(tokens.__contains__, mask)
 
 
-def _prefixes(values: list[str], start: int) -> set[str]:
+def _within_character(text: bytes, at: int) -> bool:
+    """Whether a cut of UTF-8 at this byte would part a character."""
+    return at < len(text) and 0x80 <= text[at] < 0xC0
+
+
+def _prefixes(values: list[bytes], start: int) -> set[bytes]:
     """What may come next of values that agree up to `start`."""
     return {value[start:end] for value in values for end in range(start + 1, len(value) + 1)}
 

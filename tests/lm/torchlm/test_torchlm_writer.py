@@ -184,3 +184,10 @@ def test_endless_nesting_is_refused() -> None:
         schema = {"type": "array", "items": schema}
     with pytest.raises(ConfigError, match="nested"):
         compile_schema(schema)
+
+
+@pytest.mark.parametrize("values", [["\x80", "\x81"], ["é", "è", "e"], ["日本", "日曜"], ["🌳", "🌲", ""]])
+def test_options_may_differ_within_a_character(lexicon: Lexicon, values: list[str]) -> None:
+    chosen = {value(write({"enum": values}, lexicon, seed), lexicon) for seed in range(40)}
+    assert chosen <= set(values)
+    assert len(chosen) > 1
