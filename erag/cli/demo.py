@@ -18,7 +18,7 @@ QUESTIONS = (
     "Find a bench to sit on",
     "My tyre is flat and I have no tools",
     "Where can I charge an electric car?",
-    "What is the vegetation like here?",
+    "What is the vegetation like across the campus?",
 )
 
 
@@ -40,8 +40,7 @@ def demo(
     out.mkdir(parents=True, exist_ok=True)
     memory = open_memory(out / "campus.erag", preset)
     _make(memory, out)
-    for question in QUESTIONS:
-        _ask(memory, question)
+    _ask(memory, out / "report.html", preset)
     _score(memory)
     _where_next(memory.path)
 
@@ -62,12 +61,20 @@ def _make(memory: Memory, out: Path) -> None:
     show.out(f"3. query: asked at {START}, the first place of the drive")
 
 
-def _ask(memory: Memory, question: str) -> None:
-    start = memory.map.nodes[memory.map.row[START]].pose
-    result = memory.query(question, at=start.xyz)
-    show.out(f'   "{question}"')
-    if result.answer is not None:
-        show.lines(f"     {line}" for line in (*result.answer.text.split("\n"), result.answer.reason))
+def _ask(memory: Memory, page: Path, preset: str) -> None:
+    """Ask the questions from the first place of the drive; print the answers and show them on a page."""
+    from erag.report.asking import ask, text_lines
+    from erag.report.memory import shown_of
+    from erag.report.page import render, write_page
+
+    asker = memory.asker
+    asked = list(ask(asker, text_lines(QUESTIONS), at=memory.map.nodes[memory.map.row[START]].pose.xyz))
+    for question, answer in ((a.text, a.result.answer) for a in asked):
+        show.out(f'   "{question}"')
+        if answer is not None:
+            show.lines(f"     {line}" for line in (*answer.text.split("\n"), answer.reason))
+    made = render(shown_of(asker.path, asker.corpus, asker.notes, preset), asked)
+    show.out(f"   {write_page(made, page, asker.path)}")
 
 
 def _score(memory: Memory) -> None:

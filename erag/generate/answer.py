@@ -22,6 +22,7 @@ from erag.lm.roles import Generation, Prompt, TextKind, Vectors
 from erag.retrieve.corpus import Corpus
 
 NOTHING = "Not in this memory."
+_AGAIN = 2  # views of a second try, where nothing is left of the first: fewer leave less to mix up
 Eligible = npt.NDArray[np.bool_]
 
 
@@ -109,13 +110,19 @@ class Answerer:
         scope, config = self._scopes.of(query, hits, eligible), self._config
         facts = self._focus.facts(vector, scope.rows, config.facts, config.least_share)
         views, counted = self._views.of(vector, scope.rows, config.views), counts(facts)
-        prompt = explain_prompt(text, [view.text for view in views], counted.rstrip("."), config.explain_chars)
-        (written,) = self._writing.generate([prompt])
-        said, removed = borne_out(read(written.text, "answer"), Evidence(self._focus.words, scope.rows, facts))
-        self._count("unsupported sentences of answers removed", removed)
+        evidence = Evidence(self._focus.words, scope.rows, facts)
+        said = self._said(text, views, counted, evidence) or self._said(text, views[:_AGAIN], counted, evidence)
         self._count("explanations told by views and numbers alone", not said)
         told = " ".join(filter(None, (said, counted)))
         return self._explained(told, views[: config.quoted], f"from {len(scope.rows):,} views of {scope.name}")
+
+    def _said(self, text: str, views: Sequence[View], counted: str, evidence: Evidence) -> str:
+        """What is left of the generator's answer to a question; nothing where the evidence bears out none of it."""
+        prompt = explain_prompt(text, [view.text for view in views], counted.rstrip("."), self._config.explain_chars)
+        (written,) = self._writing.generate([prompt])
+        said, removed = borne_out(read(written.text, "answer"), evidence)
+        self._count("unsupported sentences of answers removed", removed)
+        return said
 
     def _explained(self, said: str, views: Sequence[View], reason: str) -> Answer:
         ids = tuple(self._corpus.topomap.nodes[view.row].id for view in views)

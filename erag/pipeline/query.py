@@ -59,13 +59,15 @@ class Asker:
         """
         if query.text is not None:
             self.warm_up(decide_kind(query))
-        start, calls = time.perf_counter(), self.ledger.calls.copy()
+        start, calls, events = time.perf_counter(), self.ledger.calls.copy(), self.ledger.events.copy()
         vector = self._vector(query)
         found = self._retriever.retrieve([query], vector[None, :])[0]
         answer = self._answerer.answer(query, vector, found.hits, self._retriever.eligible(query))
         seconds = time.perf_counter() - start
         made = {"embed": 0, **(self.ledger.calls - calls)}
-        return Result(query.id, found.hits, answer, seconds, found.visited, made, (*self.notes, *found.notes))
+        fallbacks = (f"{event}: {n}" for event, n in sorted((self.ledger.events - events).items()))
+        notes = (*self.notes, *found.notes, *fallbacks)
+        return Result(query.id, found.hits, answer, seconds, found.visited, made, notes)
 
     def ask_lines(self, lines: Iterable[QueryLine], top: int) -> Iterator[Result]:
         """One result a line, in order; a line that cannot be asked or answered has `error` and no hits.

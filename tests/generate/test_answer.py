@@ -155,6 +155,19 @@ def test_an_explanation_counts_by_code_and_cites_views(memory: Memory) -> None:
     assert "\ncounts: " in asked
 
 
+def test_where_nothing_is_left_it_is_asked_once_more_with_fewer_views(memory: Memory) -> None:
+    class Second(Writer):
+        def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
+            self.said = "Trees stand beside the lawn." if self.prompts else "Seven dragons guard a volcano."
+            return super().generate(prompts)
+
+    writer = Second("")
+    answer = written(memory, "What trees grow across the campus?", writer)
+    assert answer.text.startswith("Trees stand beside the lawn. ")
+    first, second = (prompt.messages[-1][1].count(" | ") for prompt in writer.prompts)
+    assert (first, second) == (5, 1)
+
+
 def test_numbers_a_model_makes_up_are_taken_out(memory: Memory) -> None:
     ledger = Ledger()
     answer = written(memory, "What trees grow across the campus?", Writer("There are 4711 trees."), ledger)

@@ -84,4 +84,9 @@ def test_the_demo_runs_and_writes_its_exports(tmp_path: Path, weights: ModelStor
     )
     assert done.stderr == ""
     assert "P@1" in done.stdout
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"campus.erag", "campus.gml", "campus.geojson"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "campus.erag",
+        "campus.gml",
+        "campus.geojson",
+        "report.html",
+    }
