@@ -26,17 +26,19 @@ def build(
     size: Annotated[str, typer.Option(metavar="WxH", help="pixels of an image")] = "512x384",
     objects: Annotated[bool, typer.Option("--objects/--no-objects", help="nodes of the objects seen")] = True,
     captions: Annotated[Literal["none", "truth"], typer.Option(help="none, or true ones from the labels")] = "none",
+    jobs: Annotated[int | None, typer.Option(min=1, max=256, help="processes that render [default: cores]")] = None,
 ) -> None:
     """Render worlds into observation folders, GML, ground truth and labelled queries."""
     from erag.sim.extra import require
 
     require()
+    from erag.sim.crew import cores
     from erag.sim.dataset import Plan
     from erag.sim.dataset import build as build_dataset
 
     plan = Plan(tuple(worlds or ()), setting, seed, _size(size), objects=objects, captions=captions)
     with show.progress_bars() as progress:
-        build_dataset(out, plan, progress)
+        build_dataset(out, plan, progress, jobs or cores())
     show.out(f"{len(plan.names)} worlds in {out}: worlds/, gml/, truth/, queries.jsonl")
 
 

@@ -21,6 +21,7 @@ from erag.data.reading import GivenEdge, Reading
 from erag.data.writer import write_folder, write_gml
 from erag.sim.camera import Size
 from erag.sim.captions import caption, object_caption
+from erag.sim.crew import run_apart
 from erag.sim.layout import Thing, World, worlds
 from erag.sim.light import MOODS, finished
 from erag.sim.queries import queries
@@ -32,6 +33,8 @@ from erag.sim.truth import VISIBLE, View, from_json, read_truth, to_json, view
 Setting = Literal["e-image", "e-multimodal"]
 Captions = Literal["none", "truth"]
 CHUNK = 24  # frames that are rendered with the same solids loaded, and committed together
+CHUNKS_APART = 4  # chunks drawn by one process; pybullet keeps some 100 MB of every scene it has shown
+MANY_STOPS = 1000  # a world with more of them is drawn in the size of a town
 SPEED = 0.6  # metres per second of the robot
 QUALITY = 88  # of the JPEG images
 WORK = ".work"
@@ -56,14 +59,17 @@ class Plan:
         return tuple(n for n in scene_names() if not self.worlds or n in self.worlds)
 
 
-def build(out: Path, plan: Plan, progress: Progress = quiet) -> None:
+def build(out: Path, plan: Plan, progress: Progress = quiet, jobs: int = 0) -> None:
     """Write the data set of `plan` into `out`; killed at any moment, the same call continues to the same bytes.
 
-    Raises InputError if `out` holds a data set of another plan, ConfigError for an unknown world.
+    Frames are drawn by `jobs` processes at once, with 0 in this one. Raises InputError if `out` holds a data set of
+    another plan, ConfigError for an unknown world.
     """
     for name in plan.worlds:
         scene_text(name)
     _claim(out, plan)
+    if jobs:
+        _draw_apart(out, plan, progress, jobs)
     for name in plan.names:
         build_world(out, name, plan, progress)
     write_queries(out, plan)
@@ -73,12 +79,11 @@ def build(out: Path, plan: Plan, progress: Progress = quiet) -> None:
 def build_world(out: Path, name: str, plan: Plan, progress: Progress = quiet) -> None:
     """Render one world, write its folder, GML and truth; nothing is done twice."""
     work = out / WORK / name
-    if (out / "worlds" / name / "meta.json").is_file() and _truth(out, name).is_file():
+    if _is_built(out, name):
         shutil.rmtree(work, ignore_errors=True)
         return
     visits = open_world(name, plan.seed)
-    size = plan.town_size if len(visits[0].stops) > 1000 else plan.size
-    views = [v for world in visits for v in _rendered(world, size, work, progress)]
+    views = [v for world in visits for v in _rendered(world, _size(world, plan), work, progress)]
     with replacing(_truth(out, name)) as file:
         file.writelines(f"{to_json(v)}\n" for v in views)
     made = reading(visits, views, work, plan)
@@ -162,19 +167,54 @@ def _claim(out: Path, plan: Plan) -> None:
         file.write(json.dumps(stated, indent=1) + "\n")
 
 
+def _is_built(out: Path, name: str) -> bool:
+    return (out / "worlds" / name / "meta.json").is_file() and _truth(out, name).is_file()
+
+
+def _size(world: World, plan: Plan) -> Size:
+    return plan.town_size if len(world.stops) > MANY_STOPS else plan.size
+
+
+def _draw_apart(out: Path, plan: Plan, progress: Progress, jobs: int) -> None:
+    """Draw what is missing of all worlds, a few chunks a process."""
+    tasks: list[tuple[str, int, int, Size, Path, list[int]]] = []
+    for name in plan.names:
+        if not _is_built(out, name):
+            work = out / WORK / name
+            (work / "images").mkdir(parents=True, exist_ok=True)
+            for visit, world in enumerate(open_world(name, plan.seed)):
+                missing = _missing(work, world)
+                parts = [missing[i : i + CHUNKS_APART] for i in range(0, len(missing), CHUNKS_APART)]
+                tasks += [(name, plan.seed, visit, _size(world, plan), work, part) for part in parts]
+    total, done = sum(len(task[-1]) for task in tasks), 0
+    for number in run_apart(draw, tasks, jobs):
+        done += len(tasks[number][-1])
+        progress(f"render {CHUNK} frames each", done, total)
+
+
+def draw(name: str, seed: int, visit: int, size: Size, work: Path, chunks: Sequence[int]) -> None:
+    """Draw some chunks of a visit of a shipped world into `work`."""
+    world = open_world(name, seed)[visit]
+    with Renderer() as renderer:
+        for number in chunks:
+            _render_chunk(renderer, world, size, work, number)
+
+
+def _missing(work: Path, world: World) -> list[int]:
+    return [c for c in range(math.ceil(len(world.stops) / CHUNK)) if not _chunk(work, world, c).is_file()]
+
+
 def _rendered(world: World, size: Size, work: Path, progress: Progress) -> Iterator[View]:
     """The views of all stops, rendering the chunks that are not in `work` yet."""
     total = len(world.stops)
     (work / "images").mkdir(parents=True, exist_ok=True)
-    chunks = range(math.ceil(total / CHUNK))
-    missing = [c for c in chunks if not _chunk(work, world, c).is_file()]
+    missing = _missing(work, world)
     if missing:
         with Renderer() as renderer:
-            for c in chunks:
-                if c in missing:
-                    _render_chunk(renderer, world, size, work, c)
+            for c in missing:
+                _render_chunk(renderer, world, size, work, c)
                 progress(f"render {world.name}", min((c + 1) * CHUNK, total), total)
-    for c in chunks:
+    for c in range(math.ceil(total / CHUNK)):
         yield from (from_json(line) for line in _chunk(work, world, c).read_text("utf-8").splitlines())
 
 

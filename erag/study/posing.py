@@ -42,11 +42,11 @@ def render_views(folder: Path, worlds: Sequence[str], seed: int, each: int, prog
 
     The worlds are those of `seed`. Raises ConfigError where the simulator is not installed or knows no such world.
     """
-    for number, name in enumerate(worlds):
-        progress(f"views of seed {seed}", number, len(worlds))
-        if not (folder / "truth" / f"{name}.jsonl").is_file():
-            _render_world(folder, name, seed, each)
-    progress(f"views of seed {seed}", len(worlds), len(worlds))
+    missing = [name for name in worlds if not (folder / "truth" / f"{name}.jsonl").is_file()]
+    crew, done = simulator("crew"), len(worlds) - len(missing)
+    for _ in crew.run_apart(_render_world, [(folder, name, seed, each) for name in missing], crew.cores()):
+        done += 1
+        progress(f"views of seed {seed}", done, len(worlds))
 
 
 def _render_world(folder: Path, name: str, seed: int, each: int) -> None:

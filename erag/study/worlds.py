@@ -60,7 +60,7 @@ def render(folder: Path, worlds: Sequence[str], seed: int, progress: Progress = 
     Raises ConfigError where the simulator is not installed or knows no such world.
     """
     dataset = simulator("dataset")
-    dataset.build(folder, dataset.Plan(worlds=tuple(worlds), seed=seed), progress)
+    dataset.build(folder, dataset.Plan(worlds=tuple(worlds), seed=seed), progress, jobs=simulator("crew").cores())
 
 
 def _world(folder: Path, path: Path) -> list[Example]:
