@@ -88,13 +88,14 @@ class StudentNetwork(nn.Module):
         """`fine` (b, FINE, ROWS, COLUMNS) and `coarse` (b, COARSE, ROWS/2, COLUMNS/2), as `features` gives them."""
         grid = self._grid(fine, coarse)  # (b, w, r, k)
         whole = _pooled(grid)  # (b, 2w)
-        grid = self.norm(grid + self.context(whole)[:, :, None, None])
+        around = self._withheld(whole)
+        grid = self.norm(grid + self.context(around)[:, :, None, None])
         cells = self.cells(grid)  # (b, c, r, k)
         flat = cells.flatten(2)
         weight = (flat * nnf.softplus(self.sharpness + 0.5)[:, None]).softmax(dim=2)  # (b, c, r·k)
         own = weight @ grid.flatten(2).transpose(1, 2)  # (b, c, w)
         loudest = torch.logsumexp(flat, dim=2) - 3.0  # an object of about e³ = 20 cells reaches its own evidence
-        presence = loudest + self.presence(whole) + (own * self.own).sum(dim=2)
+        presence = loudest + self.presence(around) + (own * self.own).sum(dim=2)
         centre = weight @ _positions(cells)  # (b, c, 2)
         vector = self.project(torch.cat([whole, presence.detach().sigmoid()], dim=1))
         return Seen(
@@ -102,6 +103,12 @@ class StudentNetwork(nn.Module):
             self.places(whole), self.lights(whole),
             nnf.normalize(vector.float(), dim=1),
         )  # fmt: skip
+
+    def _withheld(self, whole: torch.Tensor) -> torch.Tensor:
+        """In training, half of the images without their context: what is in view has to be recognised by itself."""
+        if not self.training:
+            return whole
+        return whole * (torch.rand(len(whole), 1) < 0.5)
 
     def _grid(self, fine: torch.Tensor, coarse: torch.Tensor) -> torch.Tensor:
         near: torch.Tensor = self.fine(_scaled(fine, self.fine_scale))

@@ -46,7 +46,19 @@ class FusionConfig(_Config):
     bm25: Bm25Config = Field(default_factory=Bm25Config)
 
 
-FlatConfig = Annotated[NodeConfig | SentenceConfig | Bm25Config | FusionConfig, Field(discriminator="kind")]
+class RelevanceConfig(_Config):
+    """The probability that a node answers, by a model over all evidence that was fitted on training worlds.
+
+    With `uses` a lexicon of what things are good for finds what serves a wish that names nothing.
+    """
+
+    kind: Literal["relevance"] = "relevance"
+    uses: bool = True
+
+
+FlatConfig = Annotated[
+    NodeConfig | SentenceConfig | Bm25Config | FusionConfig | RelevanceConfig, Field(discriminator="kind")
+]
 
 
 class JudgeConfig(_Config):
@@ -120,6 +132,7 @@ RetrieverConfig = Annotated[
     | SentenceConfig
     | Bm25Config
     | FusionConfig
+    | RelevanceConfig
     | TreeConfig
     | CollapsedConfig
     | CommunityConfig

@@ -53,7 +53,10 @@ class Expander:
         """The batch with what else is searched for, and what that is for each query."""
         named = self.things(batch.texts)
         texts = tuple(", ".join(things) for things in named)
-        return Batch(batch.texts, batch.vectors, Batch(texts, self._backend.embed(texts, "query"))), named
+        distinct = tuple(dict.fromkeys((*texts, *(thing for things in named for thing in things))))
+        vectors = dict(zip(distinct, self._backend.embed(distinct, "query"), strict=True))
+        joined, *each = (Batch(some, np.stack([vectors[text] for text in some])) for some in (texts, *named))
+        return Batch(batch.texts, batch.vectors, joined, tuple(each)), named
 
     def _prompt(self, text: str) -> Prompt:
         turns = [("system", INSTRUCTION)]

@@ -21,12 +21,14 @@ _ROWS = 2048  # rows of a table multiplied at once
 class Batch:
     """Queries that have text: `texts` (q,) and their `vectors` (q, d), unit rows.
 
-    `also`: what else is searched for each of them, as a batch of q rows; None where nothing is.
+    `also`: what else is searched for each of them, as a batch of q rows; None where nothing is. `named`: the same thing
+    by thing, a batch for each query.
     """
 
     texts: tuple[str, ...]
     vectors: Vectors
     also: Batch | None = None
+    named: tuple[Batch, ...] = ()
 
     def __len__(self) -> int:
         return len(self.texts)

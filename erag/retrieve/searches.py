@@ -18,6 +18,7 @@ from erag.retrieve.config import (
     FlatConfig,
     FusionConfig,
     NodeConfig,
+    RelevanceConfig,
     RetrieveConfig,
     TreeConfig,
 )
@@ -27,14 +28,16 @@ from erag.retrieve.expand import ExpandedScorer
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.fusion import FusionScorer
 from erag.retrieve.judge import ModelJudge, Shortlisted
+from erag.retrieve.relevance import EvidenceTable, RelevanceScorer, fitted
 from erag.retrieve.scoring import FlatSearch, LeafScorer, Search
 from erag.retrieve.tree import ClusterJudge, TreeSearch
+from erag.retrieve.uses import shipped_lexicon
 
 Decide = Callable[[ClusterJudge], ClusterJudge]  # the judge that follows the scores -> the judge that decides
 
 
-def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
-    """The flat retriever a configuration asks for."""
+def leaf_scorer(corpus: Corpus, config: FlatConfig, backend: LMBackend | None = None) -> LeafScorer:
+    """The flat retriever a configuration asks for; a lexicon of uses is embedded by `backend`, and left out without."""
     if isinstance(config, NodeConfig):
         return NodeScorer(corpus)
     if isinstance(config, Bm25Config):
@@ -42,6 +45,9 @@ def leaf_scorer(corpus: Corpus, config: FlatConfig) -> LeafScorer:
     if isinstance(config, FusionConfig):
         parts = (NodeScorer(corpus), SentenceScorer(corpus), Bm25Scorer(corpus, config.bm25))
         return FusionScorer(parts, config.k)
+    if isinstance(config, RelevanceConfig):
+        lexicon = shipped_lexicon(backend) if config.uses and backend is not None else None
+        return RelevanceScorer(EvidenceTable(corpus, lexicon), fitted())
     return SentenceScorer(corpus)
 
 
@@ -56,8 +62,8 @@ def search_of(
         return CommunitySearch(corpus, kind)
     if isinstance(kind, DualConfig):
         return DualSearch(corpus, kind)
-    scorer = leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind)
-    if config.expand is not None:
+    scorer = leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind, backend)
+    if config.expand is not None and not isinstance(scorer, RelevanceScorer):
         scorer = ExpandedScorer(scorer, config.expand.weight)
     if isinstance(kind, TreeConfig):
         return TreeSearch(corpus, kind, scorer, _decider(corpus, kind, backend, judge))

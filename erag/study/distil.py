@@ -27,7 +27,7 @@ from erag.study.card import write_card
 from erag.study.config import DistilConfig
 from erag.study.examples import Example, Words, every, words_of
 from erag.study.judging import Judged, judge_views, judge_words, searched
-from erag.study.posing import render_views
+from erag.study.posing import render_studios, render_views
 from erag.study.quality import best_thresholds
 from erag.study.targets import Targets, targets
 from erag.study.worlds import read_worlds, render
@@ -70,7 +70,8 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     go_offline()
     clock, backend = _Clock(), build_backend(config.backend, store)
     examples, held_out = _examples(config, progress)
-    words = words_of(examples, config.least_share, config.fewest)
+    learnt = [*examples, *_studios(config, progress)]
+    words = words_of(learnt, config.least_share, config.fewest)
     if not words.objects:
         raise InputError(
             "no class is seen often enough to be learnt", where=str(config.worlds), repair="a lower fewest"
@@ -78,12 +79,12 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     blank = _student_words(config, words, store, backend)
     clock.stage("read")
     cache = FeatureCache(config.work / "features", store, config.backbone)
-    variants = [varied(replace(e, variant=v)) for v in range(1 + config.variants) for e in examples]
+    variants = [varied(replace(e, variant=v)) for v in range(1 + config.variants) for e in learnt]
     maps, truth = _inputs(config, variants, words, cache, backend, progress)
     clock.stage("features")
     network = _trained(config, blank, maps, truth, progress)
     clock.stage("train")
-    _, apart = every(range(len(examples)), _NTH)
+    _, apart = every(range(len(learnt)), _NTH)
     save(config.out, _calibrated(blank, network, maps, truth, apart), network.state_dict())
     del maps, truth
     clock.stage("calibrate")
@@ -92,7 +93,7 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
         figures["held-out worlds"] = _judge(config, held_out, cache, backend, progress)
         figures |= _compared(config, held_out, words.objects, store)
     clock.stage("judge")
-    report = Report(config.out, config.out.stat().st_size, len(examples), figures, clock.seconds)
+    report = Report(config.out, config.out.stat().st_size, len(learnt), figures, clock.seconds)
     write_card(config, words, report.trained_on, report.bytes, figures)
     _write_figures(config, report)
     return report
@@ -115,6 +116,15 @@ def _examples(config: DistilConfig, progress: Progress) -> tuple[list[Example], 
         examples += [e for name in config.train for e in read[name]]
     read = _data_set(config.worlds / f"held-out{config.seeds[0]}", config.held_out, config.seeds[0], progress)
     return examples, [e for name in config.held_out for e in read[name]]
+
+
+def _studios(config: DistilConfig, progress: Progress) -> list[Example]:
+    if not config.studios:
+        return []
+    folder = config.worlds / f"studios{config.seeds[0]}"
+    render_studios(folder, config.studios, config.seeds[0], progress)
+    read = read_worlds(folder)
+    return [e for number in range(config.studios) for e in read[f"studio{number}"]]
 
 
 def _data_set(folder: Path, names: Sequence[str], seed: int, progress: Progress) -> Mapping[str, list[Example]]:

@@ -45,7 +45,8 @@ class Thing:
 
 @dataclass(frozen=True)
 class Example:
-    """An image with its ground truth; `light` is what is said of light or weather ("" for nothing).
+    """An image with its ground truth; `light` is what is said of light or weather ("" for nothing), `place` "" where
+    the place is of no kind.
 
     `variant` 0 is the image as it is; others are seen through `augment`.
     """
@@ -94,7 +95,7 @@ def words_of(examples: Iterable[Example], least: float, fewest: int) -> Words:
         visible = [thing.largest for thing in example.things if thing.largest.share >= least]
         colours.update({item.colour for item in visible if item.colour})
         shapes.update({item.shape for item in visible if item.shape})
-        places.add(example.place)
+        places.update({example.place} - {""})
         lights.add(example.light)
     return Words(
         _frequent(objects, fewest), _frequent(colours, fewest), _frequent(shapes, fewest),

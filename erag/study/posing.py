@@ -6,7 +6,7 @@ import importlib
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,28 +49,49 @@ def render_views(folder: Path, worlds: Sequence[str], seed: int, each: int, prog
         progress(f"views of seed {seed}", done, len(worlds))
 
 
+def render_studios(folder: Path, count: int, seed: int, progress: Progress = quiet) -> None:
+    """Write the views of `count` studios, in the layout of a data set; finished ones are kept."""
+    missing = [number for number in range(count) if not (folder / "truth" / f"studio{number}.jsonl").is_file()]
+    crew, done = simulator("crew"), count - len(missing)
+    for _ in crew.run_apart(_render_studio, [(folder, number, seed) for number in missing], crew.cores()):
+        done += 1
+        progress(f"studios of seed {seed}", done, count)
+
+
+def _render_studio(folder: Path, number: int, seed: int) -> None:
+    name = f"studio{number}"
+    (world,) = simulator("layout").worlds(name, simulator("studio").studio_scene(number, seed), seed)
+    _write(folder, name, _shots(world, folder, [stop.camera for stop in world.stops]))
+
+
 def _render_world(folder: Path, name: str, seed: int, each: int) -> None:
-    images = folder / "worlds" / name / "images"
-    images.mkdir(parents=True, exist_ok=True)
-    lines: list[str] = []
     visits = simulator("dataset").open_world(name, seed)
+    lines: list[str] = []
     for turn, world in enumerate(visits):
         rng = np.random.default_rng(int.from_bytes(content_hash("views", name, str(seed), str(turn))[:8], "little"))
-        lines += _visit(world, images, rng, -(-each // len(visits)))
+        height, pitch = simulator("camera").BODIES[world.scene.robot]
+        chosen = poses(world, rng, -(-each // len(visits)))
+        eyes = [simulator("camera").Camera(pose.x, pose.y, height, pose.yaw, pitch) for pose in chosen]
+        lines += _shots(world, folder, eyes)
+    _write(folder, name, lines)
+
+
+def _write(folder: Path, name: str, lines: Iterable[str]) -> None:
+    kept = list(lines)
     (folder / "truth").mkdir(exist_ok=True)
     with replacing(folder / "truth" / f"{name}.jsonl") as file:
-        file.writelines(f"{line}\n" for line in lines)
+        file.writelines(f"{line}\n" for line in kept)
 
 
-def _visit(world: Any, images: Path, rng: np.random.Generator, each: int) -> Iterator[str]:
-    """Render the views of one visit; a line of truth for each that shows something."""
-    camera, truth, light = simulator("camera"), simulator("truth"), simulator("light")
-    height, pitch = camera.BODIES[world.scene.robot]
-    size = camera.Size(WIDTH, HEIGHT)
+def _shots(world: Any, folder: Path, eyes: Sequence[Any]) -> Iterator[str]:
+    """Render what cameras see of a visit; a line of truth for each that shows something."""
+    truth, light = simulator("truth"), simulator("light")
+    size = simulator("camera").Size(WIDTH, HEIGHT)
+    images = folder / "worlds" / world.name / "images"
+    images.mkdir(parents=True, exist_ok=True)
     with simulator("renderer").Renderer() as renderer:
         renderer.load(world.solids, range(len(world.solids)))
-        for number, pose in enumerate(poses(world, rng, each)):
-            eye = camera.Camera(pose.x, pose.y, height, pose.yaw, pitch)
+        for number, eye in enumerate(eyes):
             frame = renderer.draw(eye, size, light.MOODS[world.when.light].lamp)
             node = f"{world.name}-{'ab'[world.visit - 1]}-view-{number:04d}"
             seen = truth.view(world, simulator("route").Stop(number, 0.0, eye), frame, node)
