@@ -29,7 +29,7 @@ def test_every_job_is_done_in_a_process_of_its_own(tmp_path: Path) -> None:
 
 
 def test_a_process_that_dies_is_told_and_nothing_new_is_begun(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="ended with code 7.*--jobs 1"):
+    with pytest.raises(InputError, match=r"ended with code 7.*--jobs 1"):
         list(run_apart(die, [(tmp_path, i) for i in range(4)], 1))
     assert not (tmp_path / "3").exists()
 
