@@ -10,7 +10,7 @@ CLIP_READY := .venv-clip/.ready
 .PHONY: demo test check-all check-llamacpp check-clip lint types layers unit models clean
 
 demo: $(READY) models
-	@echo "== demo: ingest, build and ask the sample campus with a local language model (about 30 s); results in demo-out/"
+	@echo "== demo: a rendered campus, seen by a robot: captions, map, forest, questions, a page (about 2 minutes); results in demo-out/"
 	@$(BIN)/erag demo --out demo-out
 
 test: $(READY) models lint types layers unit

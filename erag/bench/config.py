@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, RootModel
 
-from erag.lm.config import LlamaCppRoles, TorchLMRoles
+from erag.lm.config import LlamaCppRoles, ModelConfig, TorchLMRoles
+from erag.lm.sentence import SentenceConfig
 from erag.pipeline.config import PipelineConfig
 
 TextEngine = Annotated[LlamaCppRoles | TorchLMRoles, Field(discriminator="kind")]
@@ -111,7 +112,31 @@ class ClusteringBench(_Bench):
     seed: int = 0
 
 
-AnyBench = RetrievalBench | SelectionBench | AnswersBench | ThroughputBench | BuildBench | ClusteringBench
+class CaptionsBench(_Bench):
+    """Captioners compared with the reference captions of a source's images.
+
+    `truth` are ground truth files of the simulator (`truth/*.jsonl`): with them objects and places are judged as well,
+    an object being visible from the share `least_share` of the image on, and images without a caption of their own get
+    that of the truth as reference. `synonyms` are words that mean a class of the truth. `embedder` measures SS; of
+    each captioner the `worst` images are shown.
+    """
+
+    kind: Literal["captions"]
+    source: Path
+    reader: str = "auto"
+    truth: tuple[Path, ...] = ()
+    captioners: dict[str, ModelConfig]
+    embedder: ModelConfig = SentenceConfig()
+    synonyms: dict[str, tuple[str, ...]] = {}
+    least_share: Annotated[float, Field(ge=0, le=1)] = 0.01
+    samples: Count = 2000
+    seed: int = 0
+    worst: Annotated[int, Field(ge=0)] = 3
+
+
+AnyBench = (
+    RetrievalBench | SelectionBench | AnswersBench | ThroughputBench | BuildBench | ClusteringBench | CaptionsBench
+)
 
 
 class BenchConfig(RootModel[Annotated[AnyBench, Field(discriminator="kind")]]):

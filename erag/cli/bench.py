@@ -43,6 +43,8 @@ def bench(
             _building(chosen)
         case kinds.ClusteringBench() as chosen:
             _clustering(chosen)
+        case kinds.CaptionsBench() as chosen:
+            _captions(chosen)
 
 
 def _retrieval(config: kinds.RetrievalBench) -> None:
@@ -136,3 +138,27 @@ def _clustering(config: kinds.ClusteringBench) -> None:
         show.say(f"{row.nodes} nodes, {row.method}: {row.seconds:.1f} s")
         rows.append(row)
     show.table(*columns(rows))
+
+
+def _captions(config: kinds.CaptionsBench) -> None:
+    from erag.bench.captions import run
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        rows = list(run(config, default_store(), progress))
+    show.table(
+        ("captioner", "images", "SS", "generic text", "other images", "things named", "images/s"),
+        [(s.captioner, s.images, s.ss, s.generic, s.others, s.coverage, f"{s.rate:.1f}") for s in rows],
+        right=("images", "images/s"),
+    )
+    if judged := [(s.captioner, s.objects) for s in rows if s.objects is not None]:
+        show.table(
+            ("captioner", "images", "object precision", "recall", "F1", "mean F1 of classes", "place"),
+            [(n, o.images, o.precision, o.recall, o.f1, f"{o.macro_f1:.2f}", o.place) for n, o in judged],
+            right=("images", "mean F1 of classes"),
+        )
+    for s in rows:
+        show.lines(f"{s.captioner}: no caption: {image.line()}" for image in s.bad)
+        for case in s.worst:
+            show.out(f"{s.captioner}, {case.node}: SS {case.ss:.2f} (generic {case.generic:.2f})")
+            show.lines((f"  said:      {case.said}", f"  reference: {case.reference}"))

@@ -49,11 +49,14 @@ def ingest(
 def build(
     memory: MemoryPath,
     forest: Annotated[str, typer.Option(help="cluster, or given: the clusters stated by the source")] = "cluster",
+    quarantine: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="move images that cannot be used to this folder")
+    ] = None,
     preset: Preset = "tiny",
     config: Config = None,
     overrides: Overrides = None,
 ) -> None:
-    """Map, embed and cluster the observations of a memory."""
+    """Caption, map, embed and cluster the observations of a memory."""
     from erag.core.errors import ConfigError
     from erag.lm.weights import default_store
     from erag.memory.file import MemoryFile
@@ -64,8 +67,12 @@ def build(
         raise ConfigError(f"{forest!r}", where="--forest", allowed="cluster, given")
     settings = load_config(preset, config, overrides or ())
     with MemoryFile.writing(memory, "erag build") as file, show.progress_bars() as progress:
-        report = step.build(file, settings, default_store(), given=forest == "given", progress=progress)
+        report = step.build(
+            file, settings, default_store(), given=forest == "given", quarantine=quarantine, progress=progress
+        )
     show.lines(report.lines)
+    if report.moved:
+        show.say(f"{len(report.moved)} images moved to {quarantine}")
     stages = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in report.seconds.items())
     show.say(stages or f"{memory}: nothing to do")
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from erag.cli import show
-
-if TYPE_CHECKING:
-    from erag.sim.camera import Size
+from erag.cli.options import image_size
 
 app = typer.Typer(help="Simulated worlds with images, sensors, exact labels and queries.", no_args_is_help=True)
-_SIZE = re.compile(r"([0-9]{2,4})x([0-9]{2,4})")
 
 
 @app.command()
@@ -36,7 +32,7 @@ def build(
     from erag.sim.dataset import Plan
     from erag.sim.dataset import build as build_dataset
 
-    plan = Plan(tuple(worlds or ()), setting, seed, _size(size), objects=objects, captions=captions)
+    plan = Plan(tuple(worlds or ()), setting, seed, image_size(size), objects=objects, captions=captions)
     with show.progress_bars() as progress:
         build_dataset(out, plan, progress, jobs or cores())
     show.out(f"{len(plan.names)} worlds in {out}: worlds/, gml/, truth/, queries.jsonl")
@@ -64,13 +60,3 @@ def sheet(
 
     class_page(split).save(out)
     show.out(f"{out}")
-
-
-def _size(text: str) -> Size:
-    from erag.core.errors import InputError
-    from erag.sim.camera import Size
-
-    match = _SIZE.fullmatch(text)
-    if match is None or not (32 <= int(match[1]) <= 2048 and 32 <= int(match[2]) <= 2048):
-        raise InputError(f"the size is {text!r}", where="--size", allowed="WxH, each 32 to 2048, such as 512x384")
-    return Size(int(match[1]), int(match[2]))

@@ -77,7 +77,8 @@ class Observation:
     """One experience `E_t = (time, sensors, pose)` of the paper: what a robot saw at a pose.
 
     `id` is the source's own id; `image` a POSIX path relative to the source's folder; `sensors` maps a channel
-    (for example `ndvi`) to its reading; `source` names where it came from.
+    (for example `ndvi`) to its reading; `source` names where it came from. `objects` are what a captioner was sure to
+    see in the image, when a build captioned it.
     """
 
     id: str
@@ -89,6 +90,7 @@ class Observation:
     caption: str | None = None
     sensors: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
+    objects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

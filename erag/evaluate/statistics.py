@@ -21,14 +21,18 @@ def mean(values: Sequence[float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A mean over queries and the interval `low` to `high` it lies in."""
+    """A figure (mostly a mean over queries or images) and the interval `low` to `high` it lies in."""
 
     mean: float
     low: float
     high: float
 
     def __str__(self) -> str:
-        return f"{self.mean:.2f} [{self.low:.2f}, {self.high:.2f}]"
+        return self.shown(2)
+
+    def shown(self, digits: int) -> str:
+        """The figure and its interval with so many digits behind the point."""
+        return f"{self.mean:.{digits}f} [{self.low:.{digits}f}, {self.high:.{digits}f}]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +72,31 @@ def bootstrap(values: Sequence[float], *, confidence: float = 0.95, samples: int
     def draw(rng: np.random.Generator) -> float:
         return float(known[rng.integers(len(known), size=len(known))].mean())
 
-    return _percentiles(known, draw, confidence, samples, seed)
+    return _percentiles(float(known.mean()), draw, confidence, samples, seed)
+
+
+def bootstrap_sums(
+    rows: npt.NDArray[np.number],
+    figures: Callable[[Floats], Floats],
+    *,
+    confidence: float = 0.95,
+    samples: int = 2000,
+    seed: int = 0,
+) -> list[Interval]:
+    """Percentile bootstrap intervals of figures (k,) of the sums over n items, such as F1 of hits and errors an image.
+
+    `rows` (n, …) are added up over items drawn with replacement; all k figures of a draw come from the same items.
+    Raises ValueError for no item, or as `bootstrap`.
+    """
+    if not len(rows):
+        raise ValueError("a figure of sums needs one or more items")
+    value = figures(rows.sum(axis=0).astype(np.float64))
+
+    def draw(rng: np.random.Generator) -> Floats:
+        return figures(rows[rng.integers(len(rows), size=len(rows))].sum(axis=0).astype(np.float64))
+
+    low, high = _bounds(draw, confidence, samples, seed)
+    return [Interval(float(v), float(a), float(b)) for v, a, b in zip(value, low, high, strict=True)]
 
 
 def clustered_bootstrap(
@@ -88,7 +116,7 @@ def clustered_bootstrap(
         drawn = rng.integers(len(count), size=len(count))
         return float(total[drawn].sum() / count[drawn].sum())
 
-    return _percentiles(known, draw, confidence, samples, seed)
+    return _percentiles(float(known.mean()), draw, confidence, samples, seed)
 
 
 def paired_bootstrap(
@@ -184,14 +212,22 @@ def compare(
 
 
 def _percentiles(
-    known: Floats, draw: Callable[[np.random.Generator], float], confidence: float, samples: int, seed: int
+    value: float, draw: Callable[[np.random.Generator], float], confidence: float, samples: int, seed: int
 ) -> Interval:
+    low, high = _bounds(draw, confidence, samples, seed)
+    return Interval(value, float(low), float(high))
+
+
+def _bounds(
+    draw: Callable[[np.random.Generator], float | Floats], confidence: float, samples: int, seed: int
+) -> tuple[Floats, Floats]:
+    """The percentiles that bound what `draw` gives, each of its form."""
     if not 0 < confidence < 1 or samples < 1:
         raise ValueError(f"confidence {confidence} must lie in (0, 1) and samples {samples} be at least 1")
     rng = np.random.default_rng(seed)
-    means = [draw(rng) for _ in range(samples)]
-    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
-    return Interval(float(known.mean()), float(low), float(high))
+    drawn = np.array([draw(rng) for _ in range(samples)])
+    low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
+    return low, high
 
 
 def _differences(system: Sequence[float], baseline: Sequence[float]) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from erag.core.text import clean, sentences
@@ -83,6 +83,15 @@ def name_mentions(name: str) -> Mentions:
     parts = tuple(Phrase((w,)) for w in spoken if w not in _FUNCTION and not w.isdigit() and len(w) > 1)
     phrases = parts if len(spoken) == 1 else (whole, *parts)
     return Mentions(phrases, words=frozenset(_stems(spoken)))
+
+
+def with_objects(said: Mentions, objects: Sequence[str]) -> Mentions:
+    """`said`, and the objects (noun phrases) that were seen beside it, each unless it is said already."""
+    known = {phrase.words for phrase in said.phrases}
+    named = [name_mentions(name) for name in objects]
+    new = dict.fromkeys(m.phrases[0] for m in named if m.phrases and m.phrases[0].words not in known)
+    words = frozenset[str]().union(*(m.words for m in named))
+    return replace(said, phrases=(*said.phrases, *new), words=said.words | words)
 
 
 def quoted_texts(text: str) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from scipy import sparse
 from erag.core.text import node_text
 from erag.core.types import IntArray, TopoMap
 from erag.forest import lexicon as lex
-from erag.forest.terms import Mentions, Phrase, mentions, name_mentions
+from erag.forest.terms import Mentions, Phrase, mentions, name_mentions, with_objects
 
 EntryKind = Literal["object", "place", "attribute", "season", "sign", "relation", "modifier"]
 Table = Any  # scipy.sparse.csr_array (rows, columns); scipy ships no types
@@ -70,20 +70,27 @@ class Vocabulary:
 
 
 def map_vocabulary(topomap: TopoMap) -> Vocabulary:
-    """The vocabulary of a map's nodes: captions, or names where there is no caption."""
+    """The vocabulary of a map's nodes: captions and what a captioner saw, or names where there is no caption."""
     named = np.array([not (node.caption or "").strip() for node in topomap.nodes], np.bool_)
-    return vocabulary([node_text(node.name, node.caption) for node in topomap.nodes], named)
+    texts = [node_text(node.name, node.caption) for node in topomap.nodes]
+    return vocabulary(texts, named, [node.objects for node in topomap.nodes])
 
 
-def vocabulary(texts: Sequence[str], named: Sequence[bool] | npt.NDArray[np.bool_] | None = None) -> Vocabulary:
+def vocabulary(
+    texts: Sequence[str],
+    named: Sequence[bool] | npt.NDArray[np.bool_] | None = None,
+    objects: Sequence[Sequence[str]] | None = None,
+) -> Vocabulary:
     """The vocabulary of texts (n,); `named` marks those that are an object's name rather than a caption.
+
+    `objects` (n) are things seen beside each text. A thing that text and objects both name counts once.
 
     About 0.4 ms a caption of 100 words; memory grows with the number of distinct phrases.
     """
     named = np.zeros(len(texts), np.bool_) if named is None else np.asarray(named, np.bool_)
     count = _Counter()
-    for text, is_name in zip(texts, named, strict=True):
-        count.add(name_mentions(text) if is_name else mentions(text))
+    for text, is_name, things in zip(texts, named, objects or [()] * len(texts), strict=True):
+        count.add(with_objects(name_mentions(text) if is_name else mentions(text), things))
     spoken = np.array([bool(text) for text in texts], np.bool_)
     entries, presence = count.entries(minimum=2 if (spoken & ~named).sum() >= MANY else 1)
     said, denied = count.words.tables()

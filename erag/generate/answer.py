@@ -18,7 +18,7 @@ from erag.generate.scope import Scopes
 from erag.generate.sufficiency import Sufficiency
 from erag.generate.views import View, Views
 from erag.lm.ledger import Ledger
-from erag.lm.roles import Generation, Prompt, TextKind, Vectors
+from erag.lm.roles import Vectors, Writer
 from erag.retrieve.corpus import Corpus
 
 NOTHING = "Not in this memory."
@@ -32,14 +32,6 @@ class Routes(Protocol):
     def route(self, start: Pose | None, goal: str) -> Route:
         """The shortest way from a pose to a node."""
         ...
-
-
-class Writer(Protocol):
-    """The part of an `LMBackend` that is used here."""
-
-    def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors: ...
-
-    def generate(self, prompts: Sequence[Prompt]) -> list[Generation]: ...
 
 
 class Answerer:

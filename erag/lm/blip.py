@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,13 +15,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from erag.core.errors import BadModelOutput, ModelError
-from erag.lm.images import Picture, Pixels, load_all
-from erag.lm.ledger import Ledger
+from erag.lm.images import Picture, Pixels
+from erag.lm.local import ImageCaptioner, versions
 from erag.lm.offline import go_offline
 from erag.lm.probe import choose_dtype
-from erag.lm.roles import Caption, ImagePath, RoleName
-from erag.lm.tagger import versions
-from erag.lm.weights import ModelStore
+from erag.lm.roles import Caption, ImagePath
 
 if TYPE_CHECKING:
     import torch
@@ -87,47 +86,24 @@ class _Loaded:
     dtype: torch.dtype
 
 
-class Blip:
-    """The caption role. Weights are verified and loaded at the first image."""
+class Blip(ImageCaptioner[BlipConfig]):
+    """The caption role by BLIP."""
 
-    roles: frozenset[RoleName] = frozenset({"caption"})
+    @cached_property
+    def _precision(self) -> Precision:
+        return choose_dtype("auto") if self._config.precision == "auto" else self._config.precision
 
-    def __init__(self, config: BlipConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
-        self._precision = choose_dtype("auto") if config.precision == "auto" else config.precision
-        self._loaded: _Loaded | None = None
-
-    def identity(self, role: RoleName) -> str:
-        del role
+    def _stated(self) -> Mapping[str, Any]:
         parts = self._config.model_dump(include={"kind", "max_tokens", "beams"})
-        weights = self._store.fingerprint(self._config.model)
-        return json.dumps({**parts, "rules": RULES, "weights": weights}, sort_keys=True)
+        return {**parts, "rules": RULES, "weights": self._store.fingerprint(self._config.model)}
 
-    def fingerprint(self, role: RoleName) -> str:
-        runtime = {"precision": self._precision, **versions(RUNTIME, "blip")}
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
+    def _runtime(self) -> Mapping[str, Any]:
+        return {"precision": self._precision, **versions(RUNTIME, "blip")}
 
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
-
-    def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """One caption an image, same order; each is computed on its own, so that no caption depends on the others.
-
-        Raises BadImages naming every image that cannot be used, BadModelOutput for an image without a caption.
-        """
-        pictures = load_all(images)
-        if not pictures:
-            return []
-        if self._loaded is None:
-            self._loaded = self._load()
-        loaded = self._loaded
-        return [self._caption(loaded, picture, path) for picture, path in zip(pictures, images, strict=True)]
-
-    def _caption(self, loaded: _Loaded, picture: Picture, path: ImagePath) -> Caption:
+    def _caption(self, picture: Picture, path: ImagePath) -> Caption:
         import torch
 
-        self._ledger.events["images converted as they were read"] += bool(picture.notes)
+        loaded = self._loaded
         pixels = loaded.prepare(picture.pixels).to(loaded.dtype)
         with torch.inference_mode():
             tokens = loaded.model.generate(
@@ -139,7 +115,8 @@ class Blip:
             raise BadModelOutput("an empty caption", where=str(path), allowed="at least a word")
         return Caption(f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}")
 
-    def _load(self) -> _Loaded:
+    @cached_property
+    def _loaded(self) -> _Loaded:
         versions(RUNTIME, "blip")
         go_offline()
         folder = self._store.path(self._config.model)

@@ -41,6 +41,13 @@ def caption_all(captioner: BatchedCaptioner, images: Sequence[ImagePath]) -> Cap
     return Captioned(captions, tuple(bad))
 
 
+def caption_batch(captioner: Captioner, images: Sequence[ImagePath]) -> Captioned:
+    """As `caption_all` for one call of the captioner, whose images are not looked at beforehand."""
+    captions: dict[ImagePath, Caption] = {}
+    bad = _batch(captioner, list(dict.fromkeys(images)), captions)
+    return Captioned(captions, tuple(bad))
+
+
 def _batch(captioner: Captioner, images: Sequence[ImagePath], captions: dict[ImagePath, Caption]) -> list[BadImage]:
     """Add the captions of a batch; the images that got none. A file may have changed since it was looked at."""
     try:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,14 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from erag.core.errors import BadModelOutput, ConfigError, ModelError
 from erag.core.text import content_hash
-from erag.lm.images import Picture, load_all
-from erag.lm.ledger import Ledger
+from erag.lm.images import Picture
+from erag.lm.local import ImageCaptioner, versions
 from erag.lm.offline import go_offline
 from erag.lm.probe import DtypeWish, choose_dtype
-from erag.lm.roles import Caption, ImagePath, RoleName
-from erag.lm.tagger import versions
+from erag.lm.roles import Caption, ImagePath
 from erag.lm.views import VIEWS, views
-from erag.lm.weights import ModelStore
 from erag.lm.wording import Sighting, article, describe
 
 if TYPE_CHECKING:
@@ -90,55 +88,29 @@ class _Loaded:
     dtype: torch.dtype
 
 
-class Clip:
-    """The caption role. Weights are verified and loaded at the first image."""
+class Clip(ImageCaptioner[ClipConfig]):
+    """The caption role by a ranked vocabulary."""
 
-    roles: frozenset[RoleName] = frozenset({"caption"})
+    @cached_property
+    def _dtype(self) -> str:
+        return choose_dtype(self._config.dtype)
 
-    def __init__(self, config: ClipConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
-        self._dtype = choose_dtype(config.dtype)
-        self._words: SceneWords | None = None
-        self._loaded: _Loaded | None = None
-
-    @property
+    @cached_property
     def words(self) -> SceneWords:
         """What is looked for; read at first use."""
-        if self._words is None:
-            self._words = read_words(self._config.words)
-        return self._words
+        return read_words(self._config.words)
 
-    def identity(self, role: RoleName) -> str:
-        del role
+    def _stated(self) -> Mapping[str, Any]:
         parts = self._config.model_dump(include={"kind", "sure", "most"})
         words = content_hash(self.words.model_dump_json()).hex()
         weights = self._store.fingerprint(self._config.model)
-        return json.dumps({**parts, "rules": RULES, "words": words, "weights": weights}, sort_keys=True)
+        return {**parts, "rules": RULES, "words": words, "weights": weights}
 
-    def fingerprint(self, role: RoleName) -> str:
-        runtime = {"dtype": self._dtype, **versions(RUNTIME, "clip")}
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
+    def _runtime(self) -> Mapping[str, Any]:
+        return {"dtype": self._dtype, **versions(RUNTIME, "clip")}
 
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
-
-    def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """One caption an image, same order; each is computed on its own, so that no caption depends on the others.
-
-        Raises BadImages naming every image that cannot be used, BadModelOutput where the model gives no numbers.
-        """
-        pictures = load_all(images)
-        if not pictures:
-            return []
-        if self._loaded is None:
-            self._loaded = self._load()
-        loaded = self._loaded
-        return [self._caption(loaded, picture, path) for picture, path in zip(pictures, images, strict=True)]
-
-    def _caption(self, loaded: _Loaded, picture: Picture, path: ImagePath) -> Caption:
-        self._ledger.events["images converted as they were read"] += bool(picture.notes)
-        chances = self._chances(loaded, picture)
+    def _caption(self, picture: Picture, path: ImagePath) -> Caption:
+        chances = self._chances(picture)
         if not all(np.isfinite(part).all() for part in chances.values()):
             raise BadModelOutput("probabilities that are not numbers", where=str(path))
         words = self.words
@@ -160,18 +132,20 @@ class Clip:
                 found.append(Sighting(self.words.objects[i], side, (colour,) if sure else (), area=float(best[i])))
         return found
 
-    def _chances(self, loaded: _Loaded, picture: Picture) -> dict[str, Matrix]:
+    def _chances(self, picture: Picture) -> dict[str, Matrix]:
         """For each part of the vocabulary (views, words) probabilities."""
         import torch
         from PIL import Image
 
+        loaded = self._loaded
         shown = torch.stack([loaded.prepare(Image.fromarray(view)) for view in views(picture.pixels)])
         with torch.inference_mode():
             seen = torch.nn.functional.normalize(loaded.model.encode_image(shown.to(loaded.dtype)).float(), dim=1)
             scale = loaded.model.logit_scale.exp().float()
             return {part: (scale * seen @ rows.T).softmax(dim=1).numpy() for part, rows in loaded.rows.items()}
 
-    def _load(self) -> _Loaded:
+    @cached_property
+    def _loaded(self) -> _Loaded:
         versions(RUNTIME, "clip")
         words = self.words
         go_offline()

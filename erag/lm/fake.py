@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from erag.core.text import content_hash, words
+from erag.lm.images import load_all
 from erag.lm.roles import (
     ROLES,
     Caption,
@@ -57,7 +58,8 @@ class Fake:
         return self._config.call_size
 
     def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """A caption that names the image's content hash: equal images have equal captions."""
+        """A caption that names the image's content hash: equal images have equal captions. Raises BadImages."""
+        load_all(images)
         return [Caption(f"A view numbered {hashlib.sha256(p.read_bytes()).hexdigest()[:8]}.") for p in images]
 
     def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:

@@ -63,6 +63,11 @@ class CallStore(Protocol):
         ...
 
 
+def image_hash(path: ImagePath) -> str:
+    """The sha256 (hex) of a file, under which its caption is recorded. Raises BadImages where it cannot be read."""
+    return hashlib.sha256(read_file(path)).hexdigest()
+
+
 def plan(keys: Sequence[Key], sizes: Sequence[int], batch_size: int) -> list[list[int]]:
     """Batches of positions: distinct keys by size and key, cut every `batch_size`.
 
@@ -111,9 +116,12 @@ class Journal:
         known = self._store.vectors(keys)
         return np.stack([known[k] for k in keys]) if keys else np.empty((0, 0), np.float32)
 
-    def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """As the backend's, each distinct file at most once. Raises BadImages for a file that cannot be read."""
-        requests = [hashlib.sha256(read_file(path)).hexdigest() for path in images]
+    def caption(self, images: Sequence[ImagePath], hashes: Sequence[str] | None = None) -> list[Caption]:
+        """As the backend's, each distinct content at most once. Raises BadImages for a file that cannot be read.
+
+        `hashes` are the `image_hash` of the files: those that are recorded are then not read, and may be gone.
+        """
+        requests = [image_hash(path) for path in images] if hashes is None else list(hashes)
         return self._calls("caption", images, requests, self._backend.caption, records.CAPTION)
 
     def summarise(self, groups: Sequence[Group]) -> list[Summary]:

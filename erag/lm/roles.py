@@ -118,6 +118,10 @@ class Generator(Protocol):
         ...
 
 
+class Writer(Embedder, Generator, Protocol):
+    """What writing needs: vectors to choose what is told, and text."""
+
+
 class LMBackend(Captioner, Embedder, Summariser, Selector, Scorer, Generator, Protocol):
     """All six roles behind one object; `compose` builds one from several models."""
 

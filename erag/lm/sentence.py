@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
-from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from erag.core.errors import ModelError
 from erag.lm.bert import BertEncoder, is_plain_bert
 from erag.lm.ledger import Ledger
+from erag.lm.local import LocalModel, versions
 from erag.lm.offline import go_offline
 from erag.lm.probe import DtypeWish, choose_dtype
 from erag.lm.roles import RoleName, TextKind, Vectors
@@ -23,16 +21,7 @@ if TYPE_CHECKING:
 
 Encode = Callable[[Sequence[str]], "torch.Tensor"]
 
-
 RUNTIME = ("torch", "tokenizers", "safetensors")
-
-
-def _versions() -> dict[str, str]:
-    """The versions of the libraries the vectors come from. Raises ModelError when one is not installed."""
-    try:
-        return {name: version(name) for name in RUNTIME}
-    except PackageNotFoundError as error:
-        raise ModelError(f"the package {error.name} is not installed", repair="pip install 'erag[sentence]'") from error
 
 
 class SentenceConfig(BaseModel):
@@ -47,27 +36,21 @@ class SentenceConfig(BaseModel):
     call_size: int = Field(512, ge=1, le=65_536, description="texts recorded together in one transaction")
 
 
-class SentenceEmbedder:
+class SentenceEmbedder(LocalModel[SentenceConfig]):
     """The embed role. Weights are verified and loaded at the first text."""
 
     roles: frozenset[RoleName] = frozenset({"embed"})
 
     def __init__(self, config: SentenceConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
+        super().__init__(config, store, ledger)
         self._dtype = choose_dtype(config.dtype)
         self._encode: Encode | None = None
 
-    def identity(self, role: RoleName) -> str:
-        del role
-        return json.dumps({"kind": "sentence", "weights": self._store.fingerprint(self._config.model)}, sort_keys=True)
+    def _stated(self) -> Mapping[str, Any]:
+        return {"kind": "sentence", "weights": self._store.fingerprint(self._config.model)}
 
-    def fingerprint(self, role: RoleName) -> str:
-        runtime = {"dtype": self._dtype, "batch_size": self._config.batch_size, **_versions()}
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
-
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
+    def _runtime(self) -> Mapping[str, Any]:
+        return {"dtype": self._dtype, "batch_size": self._config.batch_size, **versions(RUNTIME, "sentence")}
 
     def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:
         """(n, d) float32 unit rows; texts of similar length are computed together. `kind` makes no difference here."""
@@ -85,7 +68,7 @@ class SentenceEmbedder:
         return vectors
 
     def _load(self) -> Encode:
-        _versions()
+        versions(RUNTIME, "sentence")
         folder = self._store.path(self._config.model)
         import torch
 

@@ -17,9 +17,10 @@ from erag.core.errors import ModelError
 from erag.lm.blip import BlipConfig
 from erag.lm.clip import ClipConfig
 from erag.lm.images import Pixels, load_all
+from erag.lm.local import versions
 from erag.lm.roles import Caption, Captioner, ImagePath, Model, RoleName
 from erag.lm.student import StudentConfig
-from erag.lm.tagger import TaggerConfig, versions
+from erag.lm.tagger import TaggerConfig
 from erag.lm.vlm import VlmConfig
 
 RULES = 1  # changes when other words would be read of the same images

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -15,13 +15,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.core.errors import ModelError
 from erag.lm.efficientnet import EfficientNetLite0, load_network
 from erag.lm.features import RULES, features, shrunk
-from erag.lm.images import Pixels, load_all
-from erag.lm.ledger import Ledger
-from erag.lm.roles import Caption, ImagePath, RoleName, Vectors
+from erag.lm.images import Picture
+from erag.lm.local import ImageCaptioner, versions
+from erag.lm.roles import Caption, ImagePath, Vectors
 from erag.lm.student_checkpoint import load, read_words, shipped
 from erag.lm.student_words import StudentWords
-from erag.lm.tagger import versions
-from erag.lm.weights import ModelStore
 from erag.lm.wording import Sighting, article, describe, third
 
 if TYPE_CHECKING:
@@ -76,67 +74,58 @@ class _Loaded:
     backbone: EfficientNetLite0
 
 
-class Student:
-    """The caption role, and `vectors` of images. Weights are verified and loaded at the first image."""
+class Student(ImageCaptioner[StudentConfig]):
+    """The caption role, and `vectors` of images."""
 
-    roles: frozenset[RoleName] = frozenset({"caption"})
+    @cached_property
+    def _path(self) -> Path:
+        return self._config.checkpoint or shipped()
 
-    def __init__(self, config: StudentConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
-        self._path = config.checkpoint or shipped()
-        self._digest: str | None = None
-        self._loaded: _Loaded | None = None
-
-    def identity(self, role: RoleName) -> str:
+    @cached_property
+    def _digest(self) -> str:
         """The bytes of the checkpoint, which names its backbone's; raises ModelError where there is none."""
-        del role
-        if self._digest is None:
-            read_words(self._path)
-            self._digest = hashlib.sha256(self._path.read_bytes()).hexdigest()
-        return json.dumps({"kind": "student", "phrases": PHRASES, "weights": self._digest}, sort_keys=True)
+        read_words(self._path)
+        return hashlib.sha256(self._path.read_bytes()).hexdigest()
 
-    def fingerprint(self, role: RoleName) -> str:
-        runtime = {"dtype": "float32", **versions(RUNTIME, "eyes")}
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
+    def _stated(self) -> Mapping[str, Any]:
+        return {"kind": "student", "phrases": PHRASES, "weights": self._digest}
 
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
+    def _runtime(self) -> Mapping[str, Any]:
+        return {"dtype": "float32", **versions(RUNTIME, "eyes")}
 
-    def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """One caption an image, same order. Raises BadImages naming every image that cannot be used."""
-        return [spoken(view) for view in self.look(images)]
+    def _caption(self, picture: Picture, path: ImagePath) -> Caption:
+        del path
+        return spoken(self._view(picture))
 
     def look(self, images: Sequence[ImagePath]) -> list[View]:
         """What is seen in each image, same order. Raises BadImages."""
-        pixels = self._pixels(images)
-        loaded = self._load()
-        return [read_view(loaded.words, _run(loaded, picture)) for picture in pixels]
+        return [self._view(picture) for picture in self._pictures(images)]
 
     def vectors(self, images: Sequence[ImagePath]) -> Vectors:
         """(n, d) float32 unit rows in the space of the text embedder named by `embedder`. Raises BadImages."""
-        pixels = self._pixels(images)
-        if not pixels:
-            return np.empty((0, 0), np.float32)
-        loaded = self._load()
-        rows: Vectors = np.concatenate([_run(loaded, picture).vector.numpy() for picture in pixels])
-        return rows
+        rows = [self._run(picture).vector.numpy() for picture in self._pictures(images)]
+        return np.concatenate(rows) if rows else np.empty((0, 0), np.float32)
 
     @property
     def embedder(self) -> str:
         """The identity of the text embedder whose vectors `vectors` can be compared with."""
-        return self._load().words.embedder
+        return self._loaded.words.embedder
 
-    def _pixels(self, images: Sequence[ImagePath]) -> list[Pixels]:
-        pictures = load_all(images)
-        self._ledger.events["images converted as they were read"] += sum(bool(p.notes) for p in pictures)
-        return [shrunk(picture.pixels) for picture in pictures]
+    def _view(self, picture: Picture) -> View:
+        return read_view(self._loaded.words, self._run(picture))
 
-    def _load(self) -> _Loaded:
-        if self._loaded is None:
-            words, network = load(self._path)
-            self._loaded = _Loaded(words, network, self._backbone(words))
-        return self._loaded
+    def _run(self, picture: Picture) -> Seen:
+        import torch
+
+        maps = features(self._loaded.backbone, [shrunk(picture.pixels)])
+        with torch.inference_mode():
+            seen: Seen = self._loaded.network(maps.fine, maps.coarse)
+        return seen
+
+    @cached_property
+    def _loaded(self) -> _Loaded:
+        words, network = load(self._path)
+        return _Loaded(words, network, self._backbone(words))
 
     def _backbone(self, words: StudentWords) -> EfficientNetLite0:
         found = self._store.fingerprint(words.backbone)
@@ -145,15 +134,6 @@ class Student:
             have = f"{found[:12]}… (rules {RULES})"
             raise ModelError(what, where=str(self._path), allowed=have, repair="train it anew: erag distil")
         return load_network(self._store.path(words.backbone))
-
-
-def _run(loaded: _Loaded, picture: Pixels) -> Seen:
-    import torch
-
-    maps = features(loaded.backbone, [picture])
-    with torch.inference_mode():
-        seen: Seen = loaded.network(maps.fine, maps.coarse)
-    return seen
 
 
 def read_view(words: StudentWords, seen: Seen, row: int = 0) -> View:

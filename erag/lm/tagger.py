@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
+from functools import cached_property, lru_cache
 from importlib.resources import files
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from erag.core.errors import ModelError
 from erag.lm.efficientnet import CLASSES, SIDE, EfficientNetLite0, batch, load_network
-from erag.lm.images import Picture, Pixels, load_all, resized
-from erag.lm.ledger import Ledger
-from erag.lm.roles import Caption, ImagePath, RoleName
+from erag.lm.images import Picture, Pixels, resized
+from erag.lm.local import ImageCaptioner, versions
+from erag.lm.roles import Caption, ImagePath
 from erag.lm.scenery import scenery
 from erag.lm.views import VIEWS, views
-from erag.lm.weights import ModelStore
 from erag.lm.wording import Sighting, article, describe, listed
 
 RULES = 1  # changes when other captions would come out of the same weights
@@ -62,47 +58,22 @@ def _label(line: str) -> Label:
     return Label(name, word or name, place)
 
 
-def versions(names: Sequence[str], extra: str) -> dict[str, str]:
-    """The versions of the libraries a captioner rests on. Raises ModelError when one is not installed."""
-    try:
-        return {name: version(name) for name in names}
-    except PackageNotFoundError as error:
-        raise ModelError(f"the package {error.name} is not installed", repair=f"pip install 'erag[{extra}]'") from error
+class Tagger(ImageCaptioner[TaggerConfig]):
+    """The caption role by the classes of ImageNet."""
 
-
-class Tagger:
-    """The caption role. Weights are verified and loaded at the first image."""
-
-    roles: frozenset[RoleName] = frozenset({"caption"})
-
-    def __init__(self, config: TaggerConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
-        self._network: EfficientNetLite0 | None = None
-
-    def identity(self, role: RoleName) -> str:
-        del role
+    def _stated(self) -> Mapping[str, Any]:
         parts = self._config.model_dump(include={"kind", "sure", "perhaps"})
-        return json.dumps(
-            {**parts, "rules": RULES, "weights": self._store.fingerprint(self._config.model)}, sort_keys=True
-        )
+        return {**parts, "rules": RULES, "weights": self._store.fingerprint(self._config.model)}
 
-    def fingerprint(self, role: RoleName) -> str:
-        runtime = {"dtype": "float32", **versions(RUNTIME, "eyes")}
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
+    def _runtime(self) -> Mapping[str, Any]:
+        return {"dtype": "float32", **versions(RUNTIME, "eyes")}
 
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
+    @cached_property
+    def _network(self) -> EfficientNetLite0:
+        return load_network(self._store.path(self._config.model))
 
-    def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """One caption an image, same order. Raises BadImages naming every image that cannot be used."""
-        pictures = load_all(images)
-        return [self._caption(picture) for picture in pictures]
-
-    def _caption(self, picture: Picture) -> Caption:
-        """Each image is computed on its own, so that a caption never depends on the others of a batch."""
-        if picture.notes:
-            self._ledger.events["images converted as they were read"] += 1
+    def _caption(self, picture: Picture, path: ImagePath) -> Caption:
+        del path
         chances = self.chances(picture.pixels)  # (4, 1000)
         return describe(self._opening(chances, picture.pixels), self._sightings(chances), self._doubts(chances))
 
@@ -110,8 +81,6 @@ class Tagger:
         """(4, 1000) probabilities of the classes in the whole image, its left, its middle and its right."""
         import torch
 
-        if self._network is None:
-            self._network = load_network(self._store.path(self._config.model))
         shown = [resized(view, SIDE, SIDE) for view in views(pixels)]
         with torch.inference_mode():
             chances: npt.NDArray[np.float32] = self._network.logits(batch(shown)).softmax(dim=1).numpy()

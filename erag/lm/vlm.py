@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from erag.core.errors import BadModelOutput, ModelError
-from erag.lm.images import Pixels, load_all, resized
-from erag.lm.ledger import Ledger
+from erag.lm.images import Picture, Pixels, resized
 from erag.lm.llamacpp.chats import Chats
 from erag.lm.llamacpp.config import KernelWish
 from erag.lm.llamacpp.library import library_version
 from erag.lm.llamacpp.native import NativeContext, NativeModel, Room, Row
-from erag.lm.llamacpp.probe import Candidate, Probe, cache_folder
+from erag.lm.llamacpp.probe import Candidate
+from erag.lm.llamacpp.probed import ProbedModel
 from erag.lm.llamacpp.vision import MARKER, Projector
+from erag.lm.local import ImageCaptioner
 from erag.lm.probe import cpu
-from erag.lm.roles import Caption, ImagePath, RoleName
+from erag.lm.roles import Caption, ImagePath
 from erag.lm.weights import ModelStore
 
 RULES = 1  # changes when other captions would come out of the same weights
@@ -68,62 +68,27 @@ class _Loaded:
     text: str  # the rendered prompt, the marker in it
 
 
-class Vlm:
-    """The caption role. Weights are verified, tried in a child process and loaded at the first image.
+class Vlm(ImageCaptioner[VlmConfig], ProbedModel[VlmConfig]):
+    """The caption role by a language model that sees; each image is read by a clean context.
 
-    `cache` is where choices of kernels are kept, `command` replaces the child's command in tests.
+    Weights are tried in a child process before they are loaded. Raises ContextError for an image that takes more tokens
+    than there are.
     """
 
-    roles: frozenset[RoleName] = frozenset({"caption"})
-
-    def __init__(
-        self,
-        config: VlmConfig,
-        store: ModelStore,
-        ledger: Ledger | None = None,
-        *,
-        cache: Path | None = None,
-        command: Sequence[str] = (),
-    ) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
-        self._cache, self._command = cache, tuple(command)
-        self._loaded: _Loaded | None = None
-
-    def identity(self, role: RoleName) -> str:
-        del role
+    def _stated(self) -> Mapping[str, Any]:
         parts = self._config.model_dump(include={"kind", "prompt", "max_tokens", "max_side"})
-        weights = self._store.fingerprint(self._config.model)
-        return json.dumps({**parts, "rules": RULES, "weights": weights}, sort_keys=True)
+        return {**parts, "rules": RULES, "weights": self._store.fingerprint(self._config.model)}
 
-    def fingerprint(self, role: RoleName) -> str:
-        runtime = {
+    def _runtime(self) -> Mapping[str, Any]:
+        return {
             "llama-cpp-python": library_version(), "kernels": self._config.kernels, "architecture": cpu().architecture,
             "batch_size": self._config.batch_size,
         }  # fmt: skip
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
 
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
-
-    def caption(self, images: Sequence[ImagePath]) -> list[Caption]:
-        """One caption an image, same order, each read by a clean context.
-
-        Raises BadImages naming every image that cannot be used, BadModelOutput for an image without a caption, and
-        ContextError for one that takes more tokens than there are.
-        """
-        pictures = load_all(images)
-        if not pictures:
-            return []
-        if self._loaded is None:
-            self._loaded = self._load()
-        self._ledger.events["images converted as they were read"] += sum(bool(p.notes) for p in pictures)
+    def _caption(self, picture: Picture, path: ImagePath) -> Caption:
         loaded = self._loaded
-        return [self._caption(loaded, p.pixels, path) for p, path in zip(pictures, images, strict=True)]
-
-    def _caption(self, loaded: _Loaded, pixels: Pixels, path: ImagePath) -> Caption:
         loaded.context.clear()
-        small = _bounded(pixels, self._config.max_side)
+        small = _bounded(picture.pixels, self._config.max_side)
         end = loaded.projector.read(loaded.context, loaded.text, small, self._config.max_tokens)
         tokens: list[int] = []
         ended = False
@@ -140,16 +105,12 @@ class Vlm:
             self._ledger.events["captions cut at their cap of tokens"] += 1
         return Caption(text if ended else _whole(text))
 
-    def _load(self) -> _Loaded:
-        config = self._config
+    @cached_property
+    def _loaded(self) -> _Loaded:
+        config, threads = self._config, self._threads
         model_path, projector_path = _parts(self._store, config.model)
-        threads = config.threads or os.cpu_count() or 1
-        probe = Probe(
-            folder=self._cache or cache_folder(), seconds=config.probe_seconds, threads=threads,
-            command=self._command, ledger=self._ledger,
-        )  # fmt: skip
         candidate = Candidate(config.model, model_path, self._store.fingerprint(config.model), projector_path)
-        choice = probe.survive(candidate, config.kernels)
+        choice = self._probe().survive(candidate, config.kernels)
         model = NativeModel(model_path, choice.kernels)
         projector = Projector(model, projector_path, threads)
         context = NativeContext(model, Room(config.context, 1, config.batch_size, 1, threads))

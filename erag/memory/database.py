@@ -12,7 +12,7 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 from erag.core.errors import MemoryFileError
-from erag.memory.schema import APPLICATION_ID, TABLES, VERSION
+from erag.memory.schema import APPLICATION_ID, TABLES, UPGRADES, VERSION
 
 _MAGIC = b"SQLite format 3\x00"
 _BUSY_SECONDS = 20.0
@@ -34,7 +34,7 @@ class Database:
             self._connection.execute(f"PRAGMA query_only = {int(mode == 'read')}")
             self._connection.execute("PRAGMA foreign_keys = ON")
             self._connection.execute("PRAGMA synchronous = FULL")
-            self._check_version()
+            self._check_version(mode)
             if mode == "read":
                 self._connection.execute("BEGIN")  # one snapshot for all that is read
 
@@ -79,19 +79,22 @@ class Database:
                     self._connection.execute("ROLLBACK")
                 raise
 
-    def _check_version(self) -> None:
+    def _check_version(self, mode: Mode) -> None:
+        """Raise MemoryFileError for a foreign file or version; a writer brings an older version up to date."""
         application = self._connection.execute("PRAGMA application_id").fetchone()[0]
         version = self._connection.execute("PRAGMA user_version").fetchone()[0]
         if application != APPLICATION_ID:
             self.close()
             raise MemoryFileError("an SQLite file of another program", where=str(self.path), allowed="a memory file")
+        while mode == "write" and version in UPGRADES:
+            script = f"BEGIN; {UPGRADES[version]} PRAGMA user_version = {version + 1}; COMMIT;"
+            self._connection.executescript(script)
+            version += 1
         if version != VERSION:
             self.close()
+            repair = f"erag build {self.path}" if version in UPGRADES else "ingest its sources again"
             raise MemoryFileError(
-                f"schema version {version}",
-                where=str(self.path),
-                allowed=f"{VERSION}",
-                repair="ingest its sources again",
+                f"schema version {version}", where=str(self.path), allowed=f"{VERSION}", repair=repair
             )
 
 

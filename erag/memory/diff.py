@@ -78,7 +78,7 @@ def _vectors(memory: MemoryFile) -> dict[str, Any]:
 def _generation(memory: MemoryFile) -> dict[str, Mapping[str, Any]]:
     generation = memory.generations.load()
     if generation is None:
-        return {"forest": {}, "clusters": {}}
+        return {"forest": {}, "clusters": {}, "seen in images": {}}
     arrays = {
         name: (a.dtype.name, a.shape, hashlib.sha256(a.tobytes()).hexdigest())
         for name, a in generation.arrays.items()
@@ -88,7 +88,8 @@ def _generation(memory: MemoryFile) -> dict[str, Mapping[str, Any]]:
         vectors = memory.calls.read_vectors(generation.arrays[name])
         arrays[name] = (vectors.dtype.name, vectors.shape, hashlib.sha256(vectors.tobytes()).hexdigest())
     settled = {"config": generation.config, "embedder": generation.embedder, "report": json.dumps(generation.report)}
-    return {"forest": {**arrays, **settled}, "clusters": {c.id: c for c in generation.clusters}}
+    clusters = {c.id: c for c in generation.clusters}
+    return {"forest": {**arrays, **settled}, "clusters": clusters, "seen in images": generation.seen}
 
 
 def _compare(part: str, a: Mapping[str, Any], b: Mapping[str, Any]) -> PartDiff:

@@ -6,23 +6,31 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from erag.core.types import Cluster
+from erag.core.types import Cluster, Observation
 from erag.memory.database import Database
 
 Array = npt.NDArray[Any]
 _DTYPES = frozenset({"int64", "int8", "float64", "float32", "bool"})
 
 
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a captioner saw in a node's image. `caption` None: the node's own is left aside, and there is no other."""
+
+    caption: str | None
+    objects: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Generation:
     """One built forest: the revision of the observations it was built from, its resolved configuration (JSON), the
-    identity of the embedder, its report (lines), arrays by name, and clusters."""
+    identity of the embedder, its report (lines), arrays by name, clusters, and by node id what a captioner saw."""
 
     revision: int
     config: str
@@ -30,6 +38,18 @@ class Generation:
     report: tuple[str, ...]
     arrays: Mapping[str, Array]
     clusters: tuple[Cluster, ...]
+    seen: Mapping[str, Seen] = field(default_factory=dict)
+
+    def shown(self, node: Observation) -> Observation:
+        """A node as this build took it: with the caption and the objects a captioner saw, where one looked."""
+        return shown(node, self.seen)
+
+
+def shown(node: Observation, seen: Mapping[str, Seen]) -> Observation:
+    """A node with what was seen in its image."""
+    if node.id not in seen:
+        return node
+    return replace(node, caption=seen[node.id].caption, objects=seen[node.id].objects)
 
 
 class Generations:
@@ -41,7 +61,7 @@ class Generations:
     def swap_in(self, new: Generation, also: Callable[[sqlite3.Connection], None]) -> None:
         """Make `new` the generation in use and drop the old one; `also` runs in the same transaction."""
         with self._db.transaction() as connection:
-            for table in ("generation_arrays", "clusters", "generations"):
+            for table in ("generation_arrays", "clusters", "seen", "generations"):
                 connection.execute(f"DELETE FROM {table}")  # noqa: S608 (constants)
             cursor = connection.execute(
                 "INSERT INTO generations (revision, config, embedder, report, built) VALUES (?, ?, ?, ?, ?)",
@@ -58,6 +78,10 @@ class Generations:
             connection.executemany(
                 f"INSERT INTO clusters VALUES ({', '.join('?' * 13)})",  # noqa: S608 (constants)
                 [(number, row, *_to_row(c)) for row, c in enumerate(new.clusters)],
+            )
+            connection.executemany(
+                "INSERT INTO seen VALUES (?, ?, ?, ?)",
+                [(number, node, s.caption, json.dumps(s.objects)) for node, s in new.seen.items()],
             )
             also(connection)
 
@@ -76,8 +100,12 @@ class Generations:
         return Generation(
             revision, config, embedder, tuple(json.loads(report)),
             {name: _array(dtype, shape, data) for name, dtype, shape, data in arrays},
-            tuple(_from_row(row) for row in clusters),
+            tuple(_from_row(row) for row in clusters), self._seen(number),
         )  # fmt: skip
+
+    def _seen(self, number: int) -> dict[str, Seen]:
+        rows = self._db.rows("SELECT node, caption, objects FROM seen WHERE generation = ? ORDER BY node", (number,))
+        return {node: Seen(caption, tuple(json.loads(objects))) for node, caption, objects in rows}
 
     def meta(self) -> tuple[int, str] | None:
         """Revision and resolved configuration of the generation in use, without its arrays."""

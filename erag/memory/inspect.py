@@ -79,7 +79,7 @@ def _inspect(memory: MemoryFile) -> Inspection:
         frame=stored.frame,
         sources={name: notes for name, (_, notes, _) in sources.items()},
         observations=dict(Counter(n.kind for n in nodes)),
-        with_text=sum(bool(node_text(n.name, n.caption)) for n in nodes),
+        with_text=sum(bool(node_text(n.name, n.caption)) for n in map(generation.shown if generation else _own, nodes)),
         with_image=sum(n.image is not None for n in nodes),
         removed=len(stored.removed()),
         time=_span([n.time for n in nodes if n.time is not None]),
@@ -93,6 +93,10 @@ def _inspect(memory: MemoryFile) -> Inspection:
         state=_state(generation.revision if generation else None, stored.revision),
         issues=[issue for _, _, issues in sources.values() for issue in issues],
     )
+
+
+def _own(node: Observation) -> Observation:
+    return node
 
 
 def _state(built: int | None, now: int) -> str:

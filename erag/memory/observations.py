@@ -115,6 +115,16 @@ class Observations:
         )
         return [GivenCluster(i, lv, tuple(json.loads(m)), n, s, tuple(json.loads(r))) for i, lv, m, n, s, r in rows]
 
+    def image_hashes(self) -> dict[tuple[str, str], str]:
+        """(origin, image path) -> sha256 (hex) of the file when it was last read."""
+        return {(o, i): digest for o, i, digest in self._db.rows("SELECT origin, image, sha256 FROM image_hashes")}
+
+    def put_image_hashes(self, hashes: Mapping[tuple[str, str], str]) -> None:
+        """Note the sha256 of images by origin and path, in one transaction."""
+        with self._db.transaction() as connection:
+            rows = [(*key, digest) for key, digest in sorted(hashes.items())]
+            connection.executemany("INSERT OR REPLACE INTO image_hashes VALUES (?, ?, ?)", rows)
+
     def sensors(self) -> dict[str, Range]:
         """The declared range of each sensor channel; two sources that differ give the wider range."""
         ranges: dict[str, Range] = {}

@@ -1,7 +1,7 @@
 """The tables of a memory file and their version."""
 
 APPLICATION_ID = 0x45524147  # "ERAG", in the SQLite header
-VERSION = 1
+VERSION = 2
 
 TABLES = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -65,3 +65,20 @@ CREATE TABLE clusters (
     sensors TEXT NOT NULL, PRIMARY KEY (generation, row)
 ) WITHOUT ROWID;
 """
+
+SEEN = """
+-- What a captioner saw: stands in place of the node's own caption, as long as this generation is in use. No `caption`:
+-- the node's own is left aside.
+CREATE TABLE seen (
+    generation INTEGER NOT NULL REFERENCES generations (id), node TEXT NOT NULL, caption TEXT, objects TEXT NOT NULL,
+    PRIMARY KEY (generation, node)
+) WITHOUT ROWID;
+
+-- The sha256 of each image when it was last read, so that its caption is found when the file is gone.
+CREATE TABLE image_hashes (
+    origin TEXT NOT NULL, image TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY (origin, image)
+) WITHOUT ROWID;
+"""
+
+TABLES += SEEN
+UPGRADES = {1: SEEN}  # version of an older file -> what brings it to the next one

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -14,12 +15,15 @@ from erag.core.progress import Progress, quiet
 from erag.core.types import Forest, IntArray, TopoMap
 from erag.forest.build import build_forest
 from erag.forest.given import given_forest
+from erag.lm.captioning import quarantine as move_away
 from erag.lm.config import build_backend
+from erag.lm.images import BadImage
 from erag.lm.journal import Journal
 from erag.lm.ledger import Ledger
 from erag.lm.weights import ModelStore
 from erag.memory.file import MemoryFile
 from erag.memory.generations import Generation
+from erag.pipeline.captions import Looked, look
 from erag.pipeline.config import PipelineConfig
 from erag.pipeline.describe import Describer, spoken
 from erag.retrieve.corpus import map_texts, split_sentences
@@ -31,12 +35,18 @@ BUILD_VERSION = 2  # raised when the same observations and configuration give an
 
 @dataclass(frozen=True)
 class BuildReport:
-    """What a build did: lines to print, seconds by stage, the ledger of its model calls."""
+    """What a build did: lines to print, seconds by stage, the ledger of its model calls.
+
+    `bad` are the images that cannot be used, by the folder of their source; `moved` where they are now, if they were
+    moved away.
+    """
 
     lines: tuple[str, ...]
     seconds: dict[str, float]
     ledger: Ledger
     current: bool = False
+    bad: Mapping[Path, Sequence[BadImage]] = field(default_factory=dict)
+    moved: tuple[Path, ...] = ()
 
 
 class _Clock:
@@ -53,27 +63,66 @@ class _Clock:
 
 
 def build(
-    memory: MemoryFile, config: PipelineConfig, store: ModelStore, *, given: bool = False, progress: Progress = quiet
+    memory: MemoryFile,
+    config: PipelineConfig,
+    store: ModelStore,
+    *,
+    given: bool = False,
+    quarantine: Path | None = None,
+    progress: Progress = quiet,
 ) -> BuildReport:
     """Build map and forest of a memory opened for writing; a memory that is up to date is left as it is.
 
-    With `given` the clusters stated by the source become the forest. Raises InputError for an empty memory.
+    With `given` the clusters stated by the source become the forest. Images that cannot be used are told; with
+    `quarantine` they are moved to that folder. Raises InputError for an empty memory.
     """
     ledger, clock = Ledger(), _Clock()
-    backend = Journal(build_backend(config.backend, store, ledger), memory.calls, ledger, progress)
-    resolved = _resolved(config, given)
+    model = build_backend(config.backend, store, ledger)
+    eyes = "caption" in config.backend.roles
+    looked = look(memory, Journal(model, memory.calls, ledger), config.captions, eyes=eyes, progress=progress)
+    moved = _moved(looked, quarantine)
+    if looked.lines:
+        clock.stage("caption")
+    resolved = _resolved(config, given, looked.state)
     if memory.generations.meta() == (memory.observations.revision, resolved):
-        return BuildReport(("the forest is up to date",), clock.seconds, ledger, current=True)
-    topomap, map_lines = _map(memory, config)
+        lines = ("the forest is up to date", *looked.lines)
+        return BuildReport(lines, clock.seconds, ledger, True, looked.bad, moved)
+    work = _Work(memory, config, given, Journal(model, memory.calls, ledger, progress), clock, progress)
+    lines = _make(work, looked, resolved)
+    return BuildReport((*lines, *ledger.lines()), clock.seconds, ledger, False, looked.bad, moved)
+
+
+def _moved(looked: Looked, folder: Path | None) -> tuple[Path, ...]:
+    if folder is None:
+        return ()
+    return tuple(path for root, bad in looked.bad.items() for path in move_away(bad, root, folder))
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What a build is made from and with."""
+
+    memory: MemoryFile
+    config: PipelineConfig
+    given: bool
+    backend: Journal
+    clock: _Clock
+    progress: Progress
+
+
+def _make(work: _Work, looked: Looked, resolved: str) -> tuple[str, ...]:
+    """Compute map, vectors and forest and swap them in; the lines of the report."""
+    memory, config, backend, clock = work.memory, work.config, work.backend, work.clock
+    topomap, map_lines = _map(memory, config, looked)
     clock.stage("map")
     texts = map_texts(topomap)
     spoken, rows = split_sentences(texts)
     _embed(backend, texts, spoken)
     clock.stage("embed")
     node_places = _places(memory, backend, texts)
-    describer = _describer(topomap, backend, config, progress)
+    describer = _describer(topomap, backend, config, work.progress)
     vectors = memory.calls.read_vectors(node_places)
-    forest, forest_lines = _forest(memory, topomap, vectors, config, given, describer, progress)
+    forest, forest_lines = _forest(work, topomap, vectors, describer)
     clock.stage("cluster")
     if describer is not None:
         forest = describer.described(forest)
@@ -89,22 +138,25 @@ def build(
     }
     new = Generation(
         memory.observations.revision, resolved, backend.identity("embed"),
-        (*map_lines, *forest_lines), arrays, forest.clusters,
+        (*map_lines, *looked.lines, *forest_lines), arrays, forest.clusters, looked.seen,
     )  # fmt: skip
     memory.generations.swap_in(new, memory.observations.purge)
     clock.stage("store")
-    return BuildReport((*map_lines, *forest_lines, *ledger.lines()), clock.seconds, ledger)
+    return new.report
 
 
-def _resolved(config: PipelineConfig, given: bool) -> str:
-    """Everything but the observations that determines map, vectors and forest, as JSON; a change means a new build."""
-    build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster"}
+def _resolved(config: PipelineConfig, given: bool, seen: str) -> str:
+    """Everything but the observations that determines map, vectors and forest, as JSON; a change means a new build.
+
+    `seen` is a hash of what captioners saw.
+    """
+    build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster", "seen": seen}
     return json.dumps(
         {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "answer"})}, sort_keys=True
     )
 
 
-def _map(memory: MemoryFile, config: PipelineConfig) -> tuple[TopoMap, list[str]]:
+def _map(memory: MemoryFile, config: PipelineConfig, looked: Looked) -> tuple[TopoMap, list[str]]:
     nodes, frame = memory.observations.nodes(), memory.observations.frame
     if not nodes or frame is None:
         raise InputError(
@@ -112,7 +164,7 @@ def _map(memory: MemoryFile, config: PipelineConfig) -> tuple[TopoMap, list[str]
         )
     here = {n.id for n in nodes}
     edges = [e for e in memory.observations.edges() if e.a in here and e.b in here]
-    topomap, report = build_map(frame, nodes, edges, config.map)
+    topomap, report = build_map(frame, looked.nodes(nodes), edges, config.map)
     return topomap, report.lines()
 
 
@@ -139,18 +191,13 @@ def _describer(topomap: TopoMap, backend: Journal, config: PipelineConfig, progr
 
 
 def _forest(
-    memory: MemoryFile,
-    topomap: TopoMap,
-    vectors: np.ndarray,
-    config: PipelineConfig,
-    given: bool,
-    describer: Describer | None,
-    progress: Progress,
+    work: _Work, topomap: TopoMap, vectors: np.ndarray, describer: Describer | None
 ) -> tuple[Forest, list[str]]:
-    if not given:
+    memory, config = work.memory, work.config
+    if not work.given:
         by_summary = config.forest.cluster_embedding == "summary"
         summaries = describer.vectors if describer is not None and by_summary else None
-        forest, report = build_forest(topomap, vectors, config.forest, progress, summaries)
+        forest, report = build_forest(topomap, vectors, config.forest, work.progress, summaries)
         return forest, report.lines()
     clusters = memory.observations.clusters()
     if not clusters:

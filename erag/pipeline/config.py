@@ -16,6 +16,7 @@ from erag.forest.config import ForestConfig
 from erag.forest.summaries import SummaryConfig
 from erag.generate.config import AnswerConfig
 from erag.lm.config import BackendConfig
+from erag.pipeline.captions import CaptionsConfig
 from erag.retrieve.config import RetrieveConfig
 from erag.topomap.config import MapConfig
 
@@ -29,6 +30,7 @@ class PipelineConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     backend: BackendConfig = Field(default_factory=BackendConfig)
+    captions: CaptionsConfig = Field(default_factory=CaptionsConfig)
     map: MapConfig = Field(default_factory=MapConfig)
     forest: ForestConfig = Field(default_factory=ForestConfig)
     summaries: SummaryConfig = Field(default_factory=SummaryConfig)

@@ -44,6 +44,8 @@ def as_reading(memory: MemoryFile) -> Reading:
         raise MemoryFileError("nothing was ingested", where=str(memory.path), repair="erag ingest SOURCE --out M.erag")
     sources = stored.sources()
     nodes = stored.nodes(with_removed=generation is not None)
+    if generation is not None:
+        nodes = [replace(generation.shown(n), objects=()) for n in nodes]  # the formats have captions alone
     edges = tuple(stored.edges()) if generation is None else _edges(generation, [n.id for n in nodes])
     clusters = tuple(stored.clusters()) if generation is None else _clusters(generation)
     kept = {n.id for n in nodes} - stored.removed()

@@ -45,7 +45,7 @@ def _corpus(memory: MemoryFile, generation: Generation, nodes: list[Observation]
     n = len(arrays["node_places"])
     if frame is None or n > len(nodes):
         raise MemoryFileError("its forest does not fit its nodes", where=str(memory.path), repair="restore a copy")
-    kept = tuple(_silenced(o) if o.id in removed else o for o in nodes[:n])
+    kept = tuple(_silenced(o) if o.id in removed else generation.shown(o) for o in nodes[:n])
     edges = Edges(arrays["edge_index"], arrays["edge_kind"], arrays["edge_metres"])
     topomap = TopoMap(frame, kept, edges)
     dim = arrays["cluster_vectors"].shape[1]
@@ -61,7 +61,7 @@ def _corpus(memory: MemoryFile, generation: Generation, nodes: list[Observation]
 
 def _silenced(observation: Observation) -> Observation:
     """A removed node: still a joint of routes until the next build, but with nothing to be found by."""
-    return replace(observation, name=None, caption=None, image=None, sensors={})
+    return replace(observation, name=None, caption=None, image=None, sensors={}, objects=())
 
 
 def _stale(path: Path, added: int, removed: int) -> tuple[str, ...]:

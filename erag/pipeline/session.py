@@ -45,11 +45,17 @@ class Memory:
         with MemoryFile.writing(self.path, "erag remove") as memory:
             return memory.observations.remove(ids)
 
-    def build(self, *, given: bool = False, progress: Progress = quiet) -> BuildReport:
-        """Map, vectors and forest from the observations; `given` takes the clusters stated by the source."""
+    def build(
+        self, *, given: bool = False, quarantine: str | Path | None = None, progress: Progress = quiet
+    ) -> BuildReport:
+        """Captions, map, vectors and forest from the observations.
+
+        `given` takes the clusters stated by the source; images that cannot be used are moved to `quarantine`, if given.
+        """
+        folder = None if quarantine is None else Path(quarantine)
         self._asker = None
         with MemoryFile.writing(self.path, "erag build") as memory:
-            return build(memory, self.config, self._store, given=given, progress=progress)
+            return build(memory, self.config, self._store, given=given, quarantine=folder, progress=progress)
 
     def query(
         self,

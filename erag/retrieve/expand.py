@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from erag.core.errors import BadModelOutput
 from erag.core.text import clean
 from erag.lm.prompts import quoted
-from erag.lm.roles import Generation, Prompt, TextKind, Vectors
+from erag.lm.roles import Prompt, Writer
 from erag.retrieve.config import ExpandConfig
 from erag.retrieve.scoring import NOT_FOUND, Batch, LeafScorer, Scores
 
@@ -27,18 +27,10 @@ EXAMPLES = (
 QUERY_CHARS, THING_CHARS = 400, 32
 
 
-class Understander(Protocol):
-    """The part of an `LMBackend` that is used here."""
-
-    def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors: ...
-
-    def generate(self, prompts: Sequence[Prompt]) -> list[Generation]: ...
-
-
 class Expander:
     """Asks for what would satisfy a query, once a text."""
 
-    def __init__(self, backend: Understander, config: ExpandConfig) -> None:
+    def __init__(self, backend: Writer, config: ExpandConfig) -> None:
         self._backend, self._config = backend, config
         self._known: dict[str, tuple[str, ...]] = {}
 

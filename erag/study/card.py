@@ -41,12 +41,12 @@ def _figures(name: str, judged: Judged) -> str:
         "",
         "| figure | value [95 % over images] |",
         "|---|---|",
-        f"| object precision | {q.precision} |",
-        f"| object recall | {q.recall} |",
-        f"| object F1, micro | {q.f1} |",
+        f"| object precision | {q.precision.shown(3)} |",
+        f"| object recall | {q.recall.shown(3)} |",
+        f"| object F1, micro | {q.f1.shown(3)} |",
         f"| object F1, mean of classes | {q.macro_f1:.3f} |",
-        f"| place named rightly | {q.place} |",
-        *(f"| F1 in {world} | {measured} |" for world, measured in judged.worlds.items()),
+        f"| place named rightly | {q.place.shown(3)} |",
+        *(f"| F1 in {world} | {measured.shown(3)} |" for world, measured in judged.worlds.items()),
     ]
     if judged.offset is not None:
         lines.append(f"| median distance from the true centre, as a share of the image | {judged.offset:.3f} |")

@@ -28,8 +28,8 @@ from erag.study.config import DistilConfig
 from erag.study.examples import Example, Words, every, words_of
 from erag.study.judging import Judged, judge_views, judge_words, searched
 from erag.study.posing import render_studios, render_views
-from erag.study.quality import best_thresholds
 from erag.study.targets import Targets, targets
+from erag.study.thresholds import best_thresholds
 from erag.study.worlds import read_worlds, render
 
 if TYPE_CHECKING:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from erag.evaluate.naming import Naming, counted, micro, naming, universe
+from erag.evaluate.statistics import Interval
 from erag.lm.roles import Vectors
 from erag.lm.student import Found, View
 from erag.study.examples import Example, Thing
-from erag.study.quality import Measured, Quality, counted, measured, quality
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,8 @@ class Judged:
     caption's vector. None where the captioner says nothing of the kind.
     """
 
-    quality: Quality
-    worlds: Mapping[str, Measured]
+    quality: Naming
+    worlds: Mapping[str, Interval]
     offset: float | None = None
     colours: float | None = None
     said: float | None = None
@@ -58,14 +59,14 @@ def judge_words(
 ) -> Judged:  # fmt: skip
     """The figures of object words and place words; words that are neither in `names` nor in the truth do not count."""
     truth = [example.seen(least) for example in examples]
-    universe = sorted(set(names).union(*truth))
-    counts = counted(said, truth, universe)
+    classes = universe(names, truth)
+    counts = counted(said, truth, classes)
     right = [place == example.place for place, example in zip(places, examples, strict=True)]
-    overall = quality(counts, right, universe, resamples)
-    worlds: dict[str, Measured] = {}
+    overall = naming(counts, right, classes, resamples)
+    worlds: dict[str, Interval] = {}
     for world in dict.fromkeys(example.world for example in examples):
         rows = [i for i, example in enumerate(examples) if example.world == world]
-        worlds[world] = measured(counts[rows].sum(axis=1), resamples)[2]
+        worlds[world] = micro(counts[rows].sum(axis=1), resamples)[2]
     return Judged(overall, worlds)
 
 

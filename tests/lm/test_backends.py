@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from erag.core.errors import BadModelOutput, ConfigError, RoleMissing
 from erag.lm.compose import compose
@@ -80,7 +81,7 @@ def test_every_text_role_answers_each_input_in_order(backend: LMBackend, tmp_pat
             backend.select([SelectTask("q", ("a",))], 1)
         return
     image = tmp_path / "a.jpg"
-    image.write_bytes(b"not decoded here")
+    Image.new("RGB", (4, 4), (9, 9, 9)).save(image)
     assert backend.caption([image, image])[0] == backend.caption([image])[0]
     groups = [Group(("a red bench", "a red bin")), Group(("a pond",))]
     assert [s.text for s in backend.summarise(groups)] == ["a red bench", "a pond"]

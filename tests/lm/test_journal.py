@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from erag.core.errors import BadModelOutput
 from erag.core.text import content_hash
@@ -85,7 +86,7 @@ def test_a_broken_run_goes_on_without_repeating_a_finished_call(memory: MemoryFi
 
 def test_every_text_role_is_replayed_from_records(memory: MemoryFile, tmp_path: Path) -> None:
     image = tmp_path / "i.png"
-    image.write_bytes(b"pixels")
+    Image.new("RGB", (4, 4), (9, 9, 9)).save(image)
     groups = [Group(("a bench", "a bin"), ("2 of 2 views: a bench",)), Group(("ein Fluß",))]
     tasks = [SelectTask("bench", ("a bin", "a bench"))]
     prompt = Prompt((("user", "hello"),), max_tokens=4)

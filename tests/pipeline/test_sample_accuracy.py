@@ -75,9 +75,9 @@ def test_hits_do_not_depend_on_what_was_asked_before(built: Memory) -> None:
     assert built.query("a bench").hits == first
 
 
-def test_the_demo_runs_and_writes_its_exports(tmp_path: Path, weights: ModelStore) -> None:
+def test_the_demo_on_the_sample_writes_its_exports(tmp_path: Path, weights: ModelStore) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "erag", "demo", "--out", str(tmp_path / "out")],
+        [sys.executable, "-m", "erag", "demo", "--sample", "--out", str(tmp_path / "out")],
         capture_output=True,
         text=True,
         check=True,

@@ -1,6 +1,7 @@
 """Memories without weights, and their pages."""
 
 import json
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,15 @@ from erag.report.asking import ask, text_lines
 from erag.report.config import ReportConfig
 from erag.report.memory import shown_of
 from erag.report.page import Page, render
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """The browser; tests that need it skip where there is none."""
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if found is None:
+        pytest.skip("no browser: chromium is not installed")
+    return found
 
 
 @pytest.fixture

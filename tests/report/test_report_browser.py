@@ -1,40 +1,11 @@
 """The page in a headless browser, where there is one: its script runs under its policy, and draws."""
 
-import os
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
+from report_browser import browse
 from report_worlds import HOSTILE, MakeMemory, MakePage, parse, places
-
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--enable-logging=stderr", "--hide-scrollbars",
-)  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def chromium() -> str:
-    """The browser; tests that need it skip where there is none."""
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if found is None:
-        pytest.skip("no browser: chromium is not installed")
-    return found
-
-
-def browse(chromium: str, tmp_path: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    profile = tmp_path / "profile"
-    home = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
-    return subprocess.run(
-        [chromium, *FLAGS, f"--user-data-dir={profile}", *options],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        env=home,
-    )
 
 
 def test_the_script_runs_and_selects_the_first_answer(

@@ -12,8 +12,8 @@ from erag.study.augment import look, seen_through, varied
 from erag.study.config import DistilConfig
 from erag.study.examples import Example, Instance, every, words_of
 from erag.study.judging import judge_words, searched
-from erag.study.quality import best_thresholds, counted, quality, scores
 from erag.study.targets import targets
+from erag.study.thresholds import best_thresholds
 from erag.study.worlds import read_worlds
 
 
@@ -26,31 +26,11 @@ SMALL = Instance("bench", 0.007, (0.8, 0.5, 0.9, 0.6), "green", "metal", 30.0)
 BIN = Instance("bin", 0.006, (0.9, 0.9, 1.0, 1.0), "green")
 
 
-def test_counts_and_scores() -> None:
-    said = [frozenset({"bench", "tree", "dragon"}), frozenset()]
-    truth = [frozenset({"bench"}), frozenset({"tree"})]
-    counts = counted(said, truth, ["bench", "tree"])
-    assert counts.tolist() == [[[1, 0, 0], [0, 1, 0]], [[0, 0, 0], [0, 0, 1]]]
-    assert scores(counts.sum(axis=(0, 1))).tolist() == pytest.approx([0.5, 0.5, 0.5])
-
-
-def test_figures_have_intervals_that_hold_them() -> None:
-    rng = np.random.default_rng(0)
-    truth = [frozenset(n for n in "abcd" if rng.random() < 0.4) for _ in range(80)]
-    said = [frozenset(n for n in "abcd" if (n in t) != (rng.random() < 0.2)) for t in truth]
-    measured = quality(counted(said, truth, "abcd"), [True] * 60 + [False] * 20, "abcd", resamples=200)
-    for figure in (measured.precision, measured.recall, measured.f1, measured.place):
-        assert figure.low < figure.value < figure.high
-        assert figure.high - figure.low < 0.3
-    assert measured.place.value == 0.75
-    assert quality(counted(said, truth, "abcd"), [True] * 80, "abcd", 200).f1 == measured.f1
-
-
 def test_a_class_of_the_truth_that_nobody_knows_counts_as_missed() -> None:
     judged = judge_words([frozenset({"bench"})], ["park"], [_example(BENCH, Instance("ufo", 0.5, (0, 0, 1, 1)))],
                          ["bench"], 0.01, 20)  # fmt: skip
-    assert judged.quality.recall.value == 0.5
-    assert judged.quality.precision.value == 1.0
+    assert judged.quality.recall.mean == 0.5
+    assert judged.quality.precision.mean == 1.0
     assert judged.worlds.keys() == {"w"}
 
 

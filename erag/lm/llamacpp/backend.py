@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from erag.core.errors import BadModelOutput
 from erag.lm.ledger import Ledger
@@ -21,7 +20,8 @@ from erag.lm.llamacpp.likelihood import OUTPUTS, Due, likelihoods
 from erag.lm.llamacpp.native import NativeContext, NativeModel, Room
 from erag.lm.llamacpp.openings import Openings
 from erag.lm.llamacpp.plan import LEAST
-from erag.lm.llamacpp.probe import Candidate, Probe, cache_folder
+from erag.lm.llamacpp.probe import Candidate
+from erag.lm.llamacpp.probed import ProbedModel
 from erag.lm.llamacpp.sampler import Constrained, Greedy
 from erag.lm.probe import cpu
 from erag.lm.roles import Generation, Prompt, RoleName
@@ -39,12 +39,8 @@ class _Loaded:
     chats: Chats
 
 
-class LlamaCpp:
-    """A `TextModel`. Weights are verified, tried in a child process and loaded at the first call.
-
-    `cache` is where choices and converted weights are kept (default: the user's cache folder); `command` replaces the
-    child's command in tests.
-    """
+class LlamaCpp(ProbedModel[LlamaCppConfig]):
+    """A `TextModel`. Weights are verified, tried in a child process and loaded at the first call."""
 
     roles: frozenset[RoleName] = frozenset({"generate"})
 
@@ -57,32 +53,25 @@ class LlamaCpp:
         cache: Path | None = None,
         command: Sequence[str] = (),
     ) -> None:
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
-        self._cache, self._command = cache, tuple(command)
+        super().__init__(config, store, ledger, cache=cache, command=command)
         self._loaded: _Loaded | None = None
         self._contexts: dict[Purpose, NativeContext] = {}
         self._openings = Openings()
 
-    def identity(self, role: RoleName) -> str:
+    def _stated(self) -> Mapping[str, Any]:
         """The weights and their form; the template is part of the weights. Decoding is greedy in every role."""
-        del role
         weights = self._store.fingerprint(self._config.model)
-        return json.dumps({"kind": "llamacpp", "weights": weights, "form": self._config.weights}, sort_keys=True)
+        return {"kind": "llamacpp", "weights": weights, "form": self._config.weights}
 
-    def fingerprint(self, role: RoleName) -> str:
+    def _runtime(self) -> Mapping[str, Any]:
         """Known without the weights: what `auto` leads to depends on them, this CPU and the library alone."""
-        runtime = {
+        return {
             "llama-cpp-python": library_version(),
             "kernels": self._config.kernels,
             "simd": next((flag for flag in _SIMD if flag in cpu().flags), cpu().architecture),
             "batch_size": self._config.batch_size,
             "sequences": self._config.sequences,
         }
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
-
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
 
     def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
         """Greedy texts, one a prompt, same order (a prompt's `seed` changes nothing).
@@ -138,7 +127,7 @@ class LlamaCpp:
 
     def _context(self, loaded: _Loaded, purpose: Purpose, cells: int, sequences: int, outputs: int) -> NativeContext:
         """A context of at least this size; one a purpose is kept, and replaced by another when it is too small."""
-        room = Room(-(-cells // _STEP) * _STEP, sequences, self._config.batch_size, outputs, self._config.thread_count)
+        room = Room(-(-cells // _STEP) * _STEP, sequences, self._config.batch_size, outputs, self._threads)
         kept = self._contexts.get(purpose)
         if kept is not None and kept.room.holds(room):
             return kept
@@ -155,14 +144,7 @@ class LlamaCpp:
         return self._loaded
 
     def _open(self) -> NativeModel:
-        config = self._config
-        probe = Probe(
-            folder=self._cache or cache_folder(),
-            seconds=config.probe_seconds,
-            threads=config.thread_count,
-            command=self._command,
-            ledger=self._ledger,
-        )
+        config, probe = self._config, self._probe()
         path = self._store.path(config.model)
         shipped = Candidate(config.model, path, self._store.fingerprint(config.model))
         choice = probe.survive(shipped, config.kernels)

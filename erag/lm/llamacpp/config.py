@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -40,8 +39,3 @@ class LlamaCppConfig(BaseModel):
         if self.context % 256:
             raise ValueError(f"context {self.context} is not a multiple of 256")
         return self
-
-    @property
-    def thread_count(self) -> int:
-        """`threads`, or the number of CPUs."""
-        return self.threads or os.cpu_count() or 1

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from erag.core.errors import InputError
 from erag.lm.chat import Messages
 from erag.lm.ledger import Ledger
+from erag.lm.local import LocalModel
 from erag.lm.probe import DtypeWish, choose_dtype
 from erag.lm.roles import Generation, Prompt, RoleName
 from erag.lm.textmodel import Continuation, Likelihood
@@ -64,7 +65,7 @@ class _Loaded:
     context: int
 
 
-class TorchLM:
+class TorchLM(LocalModel[TorchLMConfig]):
     """A `TextModel`. Weights are verified and loaded at the first prompt.
 
     Answers are greedy, so that a prompt's seed makes no difference.
@@ -76,30 +77,23 @@ class TorchLM:
         self, config: TorchLMConfig, store: ModelStore, ledger: Ledger | None = None, cache: Path | None = None
     ) -> None:
         """`cache`: the folder for dequantised weights, by default the user's."""
-        self._config, self._store, self._ledger = config, store, ledger or Ledger()
+        super().__init__(config, store, ledger)
         self._dtype, self._kernels = choose_dtype(config.dtype), choose_kernels(config.kernels)
         self._cache = cache
         self._loaded: _Loaded | None = None
 
-    def identity(self, role: RoleName) -> str:
-        del role
-        weights = self._store.fingerprint(self._config.model)
-        return json.dumps({"kind": "torchlm", "rules": RULES, "weights": weights}, sort_keys=True)
+    def _stated(self) -> Mapping[str, Any]:
+        return {"kind": "torchlm", "rules": RULES, "weights": self._store.fingerprint(self._config.model)}
 
-    def fingerprint(self, role: RoleName) -> str:
+    def _runtime(self) -> Mapping[str, Any]:
         config = self._config
-        runtime = {
+        return {
             "dtype": self._dtype,
             "kernels": self._kernels,
             "torch": version("torch"),
             "tokenizers": version("tokenizers"),
             "batch": [config.batch_size, config.batch_cells],
         }
-        return json.dumps({**json.loads(self.identity(role)), **runtime}, sort_keys=True)
-
-    def batch_size(self, role: RoleName) -> int:
-        del role
-        return self._config.call_size
 
     def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
         """Greedy texts, one a prompt, same order; equal prompts are answered once.
