@@ -16,6 +16,7 @@ _LOCAL = frozenset({"here", "nearby", "around"})
 _WHOLE = word_set("""
     overall whole entire across everywhere environment area map building campus city images views place general all
 """)
+PARTS, LEAST_PART = 6, 2  # regions told of a scope, and the views a region has at least
 LOCAL_VIEWS = 8  # the smallest region that "here" means, in views
 GATHERED, PART = 0.8, 0.25  # this share of the hits inside this share of the map makes a region
 
@@ -46,6 +47,18 @@ class Scopes:
         rows = np.arange(len(eligible)) if cluster is None else self._below[cluster]
         rows = rows[eligible[rows] & self._corpus.searchable[rows]]
         return Scope(rows, self._name(cluster))
+
+    def parts(self, scope: Scope) -> tuple[tuple[str, IntArray], ...]:
+        """The regions a scope consists of, a handful, by name: clusters of the level that has about `PARTS` of them."""
+        inside = set(scope.rows.tolist())
+        by_level: dict[int, list[tuple[str, IntArray]]] = {}
+        for cluster, below in zip(self._corpus.forest.clusters, self._below, strict=True):
+            rows = np.array([r for r in below.tolist() if r in inside], np.int64)
+            if len(rows) >= LEAST_PART and cluster.name:
+                by_level.setdefault(cluster.level, []).append((cluster.name, rows))
+        several = [found for found in by_level.values() if len(found) > 1]
+        chosen = min(several, key=lambda found: abs(len(found) - PARTS), default=[])
+        return tuple(sorted(chosen, key=lambda part: (-len(part[1]), part[0]))[:PARTS])
 
     def _name(self, cluster: int | None) -> str:
         if cluster is None:
