@@ -14,6 +14,9 @@ TextEngine = Annotated[LlamaCppRoles | TorchLMRoles, Field(discriminator="kind")
 Count = Annotated[int, Field(ge=1)]
 
 
+MEMORIES = Path("experiments/bench-memories")
+
+
 class _Bench(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -111,7 +114,21 @@ class ClusteringBench(_Bench):
     seed: int = 0
 
 
-AnyBench = RetrievalBench | SelectionBench | AnswersBench | ThroughputBench | BuildBench | ClusteringBench
+class AwareBench(_Bench):
+    """Questions about sensors, time, change, number and the whole, on simulated worlds with captions.
+
+    `root` is what `erag sim build --captions truth` wrote, `worlds` those that are asked (none: all); `folder` is where
+    their memories are kept.
+    """
+
+    kind: Literal["aware"]
+    root: Path
+    worlds: tuple[str, ...] = ()
+    folder: Path = MEMORIES
+    pipeline: PipelineConfig = PipelineConfig()
+
+
+AnyBench = AwareBench | RetrievalBench | SelectionBench | AnswersBench | ThroughputBench | BuildBench | ClusteringBench
 
 
 class BenchConfig(RootModel[Annotated[AnyBench, Field(discriminator="kind")]]):

@@ -16,7 +16,7 @@ from erag.aware.reading import Read
 from erag.aware.readings import readings, trend_words
 from erag.aware.things import Mention, Name
 from erag.aware.visits import Visit, ordinal
-from erag.core.text import sentences
+from erag.core.text import sentences, words
 from erag.core.times import plain_moment, plain_span
 from erag.core.types import Hit, IntArray, QueryKind
 from erag.forest.terms import fold, mentions
@@ -25,6 +25,8 @@ from erag.retrieve.corpus import Corpus
 TOLD = 12  # things of one kind that are named in an answer
 SHOWN = 5  # views an answer names as evidence
 _NEARLY = 0.9  # of the best score: what else may be meant
+_CONDITIONS = frozenset({"season", "seasons", "weather", "light", "conditions", "daytime"})
+_ALIKE = "Season, weather and light are told of both visits alike."
 Eligible = npt.NDArray[np.bool_]
 
 
@@ -48,7 +50,7 @@ class Memories:
         """The answer to a question about time, change or number; None for others and for things nobody named."""
         asked = read.asked
         if asked.changes:
-            return self._changes(asked, read)
+            return self._changes(text, asked, read)
         if asked.aspect is None or not asked.thing:
             return None
         if asked.aspect == "count":
@@ -115,22 +117,28 @@ class Memories:
 
     # What changed
 
-    def _changes(self, asked: Asked, read: Read) -> Recalled:
+    def _changes(self, text: str, asked: Asked, read: Read) -> Recalled:
         since = read.window.since if read.window.since is not None else read.query.since
         pair = self._past.compared(since, read.query.until)
         if pair is None:
             return Recalled("explain", "This memory holds a single visit: there is nothing to compare it with.")
         before, after = pair
+        if _CONDITIONS & set(words(text)):
+            return Recalled("explain", " ".join(self._conditions(before, after)) or _ALIKE, self._between(before, after))
+        kinds = _ORDER[asked.aspect or "changed"]
         found = self._past.changes(before, after)
-        said = [self._told(found, kind) for kind in _ORDER[asked.aspect or "changed"]]
+        said = [self._told(found, kind) for kind in kinds if kind == kinds[0] or found.of(kind)]
         if asked.aspect == "changed":
             said += self._conditions(before, after)
+        kept = [c for kind in kinds for c in found.of(kind)]
+        rows = tuple(dict.fromkeys(c.seen[-1] if c.kind == "moved" else c.seen[0] for c in kept))
+        doubt = "; what was only seen from another side, or left unnamed, may be missed"
+        return Recalled("explain", " ".join(said), self._between(before, after) + doubt, rows[:SHOWN])
+
+    def _between(self, before: Visit, after: Visit) -> str:
         visits = self._past.visits
         between = f"from {ordinal(visits, before.number)} to {ordinal(visits, after.number)}"
-        reason = f"compared {len(before.rows)} with {len(after.rows)} observations, {between}; a thing seen from another side may be missed"
-        kept = [c for kind in _ORDER[asked.aspect or "changed"] for c in found.of(kind)]
-        rows = tuple(dict.fromkeys(c.seen[-1] if c.kind == "moved" else c.seen[0] for c in kept))
-        return Recalled("explain", " ".join(filter(None, said)), reason, rows[:SHOWN])
+        return f"compared {len(before.rows)} with {len(after.rows)} observations, {between}"
 
     def _told(self, found: Changes, kind: str) -> str:
         changes = [c for c in found.changes if c.kind == kind][:TOLD]

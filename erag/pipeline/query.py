@@ -60,6 +60,11 @@ class Asker:
         flat = topomap.positions * (1, 1, 0)
         return float(topomap.positions[distance(topomap.frame, flat, (x, y, 0)).argmin(), 2])
 
+    @property
+    def embedder(self) -> LMBackend:
+        """The backend that made this memory's vectors."""
+        return self._backend
+
     def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:
         """(n, d) vectors of texts by the memory's own embedder."""
         return self._backend.embed(texts, kind)
