@@ -30,6 +30,7 @@ _PATTERNS: tuple[tuple[Aspect, str], ...] = (
     ("first", rf"\b{_SEE}\b(?P<t>.*) for the first time\b"),
     ("last", rf"\b(?:last|latest|most recently|most recent)\b(?: time)?.*?\b{_SEE}\b(?: of)?(?P<t>.*)"),
     ("last", rf"\b(?:where|when) (?:was|were|is|are) (?P<t>.*?) (?:last|most recently)\b(?: {_SEE})?"),
+    ("last", rf"\bwhere (?P<t>(?:the|a|an|my|our) .*?) (?:was|were) (?:last )?{_SEE}\b"),
     ("last", rf"\b{_SEE}\b(?P<t>.*?) (?:last|most recently|the last time)\b"),
     ("last", r"^(?:what is |tell me )?the last (?:known )?(?:place|position|location|whereabouts) of (?P<t>.*)"),
     ("last", rf"^(?:when|at what time|on which day|on what day|what day|what time)\b.*?\b(?:you|the robot|we) {_SEE}\b(?P<t>.*)"),

@@ -41,8 +41,8 @@ class Readings:
     trend: Trend | None = None
 
     def line(self) -> str:
-        """In a line: `ndvi 0.31 on average (0.12 to 0.55), falling from 0.41 (2025-04-12) to 0.22 (2025-10-25)`."""
-        said = f"{self.channel} {self.mean:.2f} on average ({self.low:.2f} to {self.high:.2f})"
+        """In a line: `ndvi 0.31 (0.12 to 0.55), falling from 0.41 (2025-04-12) to 0.22 (2025-10-25)`."""
+        said = f"{self.channel} {self.mean:.2f} ({self.low:.2f} to {self.high:.2f})"
         return f"{said}, {trend_words(self.trend)}" if self.trend else said
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from erag.aware.past import Past
 from erag.core.types import Answer, Hit, Pose, Query, QueryKind, Route, Waypoint
 from erag.forest.support import Evidence
 from erag.generate.asking import borne_out, explain_prompt, read, reason_prompt
@@ -15,6 +16,7 @@ from erag.generate.config import AnswerConfig
 from erag.generate.focus import Focus, counts
 from erag.generate.kind import decide_kind
 from erag.generate.memories import Recalled
+from erag.generate.region import Regions
 from erag.generate.scope import Scope, Scopes
 from erag.generate.sufficiency import Sufficiency
 from erag.generate.telling import Told
@@ -46,7 +48,10 @@ class Writer(Protocol):
 
 
 class Answerer:
-    """Answers over one corpus. `writer` writes what the configuration leaves to a language model."""
+    """Answers over one corpus.
+
+    `writer` writes what the configuration leaves to a language model; `past` lends what it knows of things and places.
+    """
 
     def __init__(
         self,
@@ -55,10 +60,13 @@ class Answerer:
         config: AnswerConfig | None = None,
         writer: Writer | None = None,
         ledger: Ledger | None = None,
+        past: Past | None = None,
     ) -> None:
         self._corpus, self._routes, self._writer = corpus, routes, writer
         self._config, self._ledger = config or AnswerConfig(), ledger or Ledger()
-        self._scopes, self._enough, self._views = Scopes(corpus), Sufficiency(corpus), Views(corpus)
+        past = past or Past(corpus.topomap, corpus.texts, ())
+        regions = Regions(corpus, routes, past.things, past.sight)
+        self._scopes, self._enough, self._views = Scopes(corpus, regions), Sufficiency(corpus), Views(corpus)
         self._focus = Focus(corpus, lambda texts: self._writing.embed(texts, "document"))
 
     def answer(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:

@@ -21,12 +21,12 @@ from erag.lm.weights import ModelStore
 from erag.memory.file import MemoryFile
 from erag.memory.generations import Generation
 from erag.pipeline.config import PipelineConfig
-from erag.pipeline.describe import Describer, spoken
+from erag.pipeline.describe import Describer, spoken, with_readings
 from erag.retrieve.corpus import map_texts, split_sentences
 from erag.topomap.build import build_map
 
 NOWHERE = (-1, -1)
-BUILD_VERSION = 2  # raised when the same observations and configuration give another map, text or forest
+BUILD_VERSION = 3  # raised when the same observations and configuration give another map, text or forest
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,8 @@ def build(
         "summary_places": _summaries(memory, backend, forest),
         **_structure(topomap, forest),
     }
+    if describer is not None and not given:
+        forest = with_readings(topomap, forest)
     new = Generation(
         memory.observations.revision, resolved, backend.identity("embed"),
         (*map_lines, *forest_lines), arrays, forest.clusters,

@@ -46,10 +46,10 @@ class Asker:
         self.corpus, self.notes = built.corpus, built.stale
         router = Router(self.corpus.topomap)
         self._retriever = Retriever(self.corpus, config.retrieve, router, built.sensors, self._backend)
-        self._answerer = Answerer(self.corpus, router, config.answer, self._backend, self.ledger)
         self._reader = Reader(self.corpus.topomap, built.sensors, config.aware)
         likeness = Likeness(lambda texts: self._backend.embed(texts, "document"))
         past = Past(self.corpus.topomap, self.corpus.texts, self._reader.visits, likeness)
+        self._answerer = Answerer(self.corpus, router, config.answer, self._backend, self.ledger, past)
         self._memories = Memories(self.corpus, past)
         names = {channel: self._reader.about(channel) for channel in self._reader.channels}
         self._telling = Telling(self.corpus, self._reader.visits, names, config.aware.stale_after)
