@@ -15,6 +15,9 @@ TextEngine = Annotated[LlamaCppRoles | TorchLMRoles, Field(discriminator="kind")
 Count = Annotated[int, Field(ge=1)]
 
 
+MEMORIES = Path("experiments/bench-memories")
+
+
 class _Bench(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -134,8 +137,29 @@ class CaptionsBench(_Bench):
     worst: Annotated[int, Field(ge=0)] = 3
 
 
+class AwareBench(_Bench):
+    """Questions about sensors, time, change, number and the whole, on simulated worlds with captions.
+
+    `root` is what `erag sim build --captions truth` wrote, `worlds` those that are asked (none: all); `folder` is where
+    their memories are kept.
+    """
+
+    kind: Literal["aware"]
+    root: Path
+    worlds: tuple[str, ...] = ()
+    folder: Path = MEMORIES
+    pipeline: PipelineConfig = PipelineConfig()
+
+
 AnyBench = (
-    RetrievalBench | SelectionBench | AnswersBench | ThroughputBench | BuildBench | ClusteringBench | CaptionsBench
+    AwareBench
+    | RetrievalBench
+    | SelectionBench
+    | AnswersBench
+    | ThroughputBench
+    | BuildBench
+    | ClusteringBench
+    | CaptionsBench
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from erag.bench.config import MemoryBench, RetrievalBench
+from erag.bench.config import MEMORIES, MemoryBench, RetrievalBench
 from erag.core.errors import InputError
 from erag.core.progress import Progress, quiet
 from erag.data.sample import sample_dir, sample_queries
@@ -17,8 +17,6 @@ from erag.pipeline.config import validate
 from erag.pipeline.ingest import ingest
 from erag.pipeline.query import Asker
 from erag.retrieve.config import RetrieveConfig
-
-MEMORIES = Path("experiments/bench-memories")
 
 
 def run(config: RetrievalBench, store: ModelStore, progress: Progress = quiet) -> Iterator[tuple[str, KindScore]]:

@@ -31,6 +31,8 @@ def bench(
     for override in overrides or ():
         apply_override(raw, override)
     match validate(kinds.BenchConfig, raw, str(config)).root:
+        case kinds.AwareBench() as chosen:
+            _aware(chosen)
         case kinds.RetrievalBench() as chosen:
             _retrieval(chosen)
         case kinds.SelectionBench() as chosen:
@@ -45,6 +47,16 @@ def bench(
             _clustering(chosen)
         case kinds.CaptionsBench() as chosen:
             _captions(chosen)
+
+
+def _aware(config: kinds.AwareBench) -> None:
+    from erag.bench.aware import missed, run, table
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        scores = list(run(config, default_store(), progress))
+    show.table(("task", "measure", "n", "mean", "95 %"), table(scores), right=("n",))
+    show.lines(missed(scores))
 
 
 def _retrieval(config: kinds.RetrievalBench) -> None:

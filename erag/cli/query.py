@@ -30,6 +30,8 @@ def query(
     sensor: Annotated[list[str] | None, typer.Option(metavar="NAME=low|high|MIN:MAX", help="a sensor wish")] = None,
     since: Annotated[str | None, typer.Option(metavar="T", help="observed at or after this time")] = None,
     until: Annotated[str | None, typer.Option(metavar="T", help="observed before this time")] = None,
+    hours: Annotated[str | None, typer.Option(metavar="FROM:TO", help="observed in these hours of the day, UTC")] = None,
+    now: Annotated[str | None, typer.Option(metavar="T", help="what times are relative to; else the newest view")] = None,
     top: Annotated[int, typer.Option(min=1, help="how many hits")] = 5,
     kind: Annotated[str | None, typer.Option(help="find or explain; decided by the system when absent")] = None,
     json_: AsJson = False,
@@ -45,13 +47,15 @@ def query(
     from erag.pipeline.config import load_config
     from erag.pipeline.query import Asker
 
-    one = {"TEXT": text, "--at": at, "--at-node": at_node, "--sensor": sensor, "--since": since, "--until": until}
+    one = {"TEXT": text, "--at": at, "--at-node": at_node, "--sensor": sensor, "--since": since, "--until": until,
+           "--hours": hours, "--now": now}  # fmt: skip
     _fit({**one, "--kind": kind, "--json": json_ or None} if queries else {"--where": where, "--out": out}, queries)
     asker = Asker(memory, load_config(preset, config, overrides or ()), default_store())
     if queries is not None:
         _many(asker, queries, _pairs(where or (), "--where"), top, out)
         return
-    raw = {"id": "query", "query": text, "kind": kind, "since": since, "until": until}
+    raw: dict[str, object] = {"id": "query", "query": text, "kind": kind, "since": since, "until": until, "now": now}
+    raw["hours"] = None if hours is None else _hours(hours)
     _one(asker, {**raw, "at": _position(asker, at, at_node)}, _wishes(sensor or ()), top, json_)
 
 
@@ -161,6 +165,16 @@ def _wishes(given: Sequence[str]) -> dict[str, SensorWish]:
     from erag.data.contract import parse_wish
 
     return {name: parse_wish(name, _range(value), "--sensor") for name, value in _pairs(given, "--sensor").items()}
+
+
+def _hours(value: str) -> list[float]:
+    from erag.core.errors import InputError
+
+    try:
+        first, last = (float(part) for part in value.split(":"))
+    except ValueError as error:
+        raise InputError(f"{value!r}", where="--hours", allowed="FROM:TO in hours, such as 6:12 or 22:5") from error
+    return [first, last]
 
 
 def _range(value: str) -> object:

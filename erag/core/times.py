@@ -91,3 +91,24 @@ def _moment(seconds: float) -> datetime:
 
 def _rfc3339(seconds: float) -> str:
     return _moment(seconds).isoformat().replace("+00:00", "Z")
+
+
+def plain_date(seconds: float) -> str:
+    """The day of a moment, in UTC: `2025-04-12`."""
+    return _moment(seconds).date().isoformat()
+
+
+def plain_moment(seconds: float) -> str:
+    """A moment to the minute, in UTC: `2025-04-12 09:04`."""
+    return _moment(seconds).strftime("%Y-%m-%d %H:%M")
+
+
+_UNITS = (("year", 365.25 * _DAY_S), ("month", 30.44 * _DAY_S), ("day", _DAY_S), ("hour", 3600.0), ("minute", 60.0))
+
+
+def plain_span(seconds: float) -> str:
+    """A length of time in words, in the largest unit of which it has two or more: `196 days` is `6 months`."""
+    for unit, length in _UNITS:
+        if (count := round(seconds / length)) >= 2:
+            return f"{count} {unit}s"
+    return "1 minute" if seconds >= 30 else f"{seconds:.0f} seconds"

@@ -205,7 +205,11 @@ class Forest:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """What is asked: Q (`text`), L (`at`), S (`sensors`), a time window, how many hits. One of Q and L is needed."""
+    """What is asked: Q (`text`), L (`at`), S (`sensors`), a time window, how many hits. One of Q and L is needed.
+
+    `hours` [from, to) are hours of the day in UTC, over midnight where from > to; `now` is the moment to which words
+    such as `yesterday` are relative (None: the memory's newest observation).
+    """
 
     text: str | None = None
     at: Pose | None = None
@@ -215,6 +219,8 @@ class Query:
     top: int = 5
     kind: QueryKind | None = None
     id: str = ""
+    hours: Range | None = None
+    now: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from erag.core.errors import InputError
 from erag.core.times import FORMS, parse_time
-from erag.core.types import Answer, Hit, Pose, Query, QueryKind, Route, SensorWish, Waypoint
+from erag.core.types import Answer, Hit, Pose, Query, QueryKind, Range, Route, SensorWish, Waypoint
 
 KINDS: Mapping[str, QueryKind] = {
     "find": "find", "explicit": "find", "implicit": "find", "explain": "explain", "global": "explain",
@@ -83,7 +83,8 @@ def parse_query(line: QueryLine, top: int, ground: Ground, where: str | None = N
         raise InputError(f"kind is {kind!r}", where=where, allowed=", ".join(KINDS))
     since, until = parse_window(raw.get("since"), raw.get("until"), where)
     sensors = _sensors(raw.get("sensor"), where)
-    return Query(text, at, sensors, since, until, top, KINDS[kind] if kind else None, line.id)
+    hours, now = parse_hours(raw.get("hours"), where), _moment("now", raw.get("now"), where)
+    return Query(text, at, sensors, since, until, top, KINDS[kind] if kind else None, line.id, hours, now)
 
 
 def parse_text(value: Any, where: str) -> str | None:
@@ -110,6 +111,17 @@ def parse_window(since: Any, until: Any, where: str) -> tuple[float | None, floa
     if start is not None and end is not None and start >= end:
         raise InputError(f"since {since!r} is not before until {until!r}", where=where, allowed="since < until")
     return start, end
+
+
+def parse_hours(value: Any, where: str) -> Range | None:
+    """Hours of the day [from, to) in UTC, over midnight where from > to; None where there are none."""
+    if value is None:
+        return None
+    if isinstance(value, list | tuple) and len(value) == 2 and all(_is_number(v) and 0 <= v <= 24 for v in value):
+        first, last = float(value[0]), float(value[1])
+        if first != last:
+            return (first, last)
+    raise InputError(f"hours is {value!r}", where=where, allowed="[from, to], two different hours from 0 to 24")
 
 
 def parse_wish(name: str, value: Any, where: str) -> SensorWish:

@@ -8,14 +8,18 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from erag.aware.past import Past
 from erag.core.types import Answer, Hit, Pose, Query, QueryKind, Route, Waypoint
 from erag.forest.support import Evidence
 from erag.generate.asking import borne_out, explain_prompt, read, reason_prompt
 from erag.generate.config import AnswerConfig
 from erag.generate.focus import Focus, counts
 from erag.generate.kind import decide_kind
-from erag.generate.scope import Scopes
+from erag.generate.memories import Recalled
+from erag.generate.region import Regions
+from erag.generate.scope import Scope, Scopes
 from erag.generate.sufficiency import Sufficiency
+from erag.generate.telling import Told
 from erag.generate.views import View, Views
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Vectors, Writer
@@ -23,6 +27,7 @@ from erag.retrieve.corpus import Corpus
 
 NOTHING = "Not in this memory."
 _AGAIN = 2  # views of a second try, where nothing is left of the first: fewer leave less to mix up
+RECALLED = 5  # views that an answer about the past names as its evidence
 Eligible = npt.NDArray[np.bool_]
 
 
@@ -35,7 +40,10 @@ class Routes(Protocol):
 
 
 class Answerer:
-    """Answers over one corpus. `writer` writes what the configuration leaves to a language model."""
+    """Answers over one corpus.
+
+    `writer` writes what the configuration leaves to a language model; `past` lends what it knows of things and places.
+    """
 
     def __init__(
         self,
@@ -44,10 +52,13 @@ class Answerer:
         config: AnswerConfig | None = None,
         writer: Writer | None = None,
         ledger: Ledger | None = None,
+        past: Past | None = None,
     ) -> None:
         self._corpus, self._routes, self._writer = corpus, routes, writer
         self._config, self._ledger = config or AnswerConfig(), ledger or Ledger()
-        self._scopes, self._enough, self._views = Scopes(corpus), Sufficiency(corpus), Views(corpus)
+        past = past or Past(corpus.topomap, corpus.texts, ())
+        regions = Regions(corpus, routes, past.things, past.sight)
+        self._scopes, self._enough, self._views = Scopes(corpus, regions), Sufficiency(corpus), Views(corpus)
         self._focus = Focus(corpus, lambda texts: self._writing.embed(texts, "document"))
 
     def answer(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
@@ -55,12 +66,35 @@ class Answerer:
 
         `eligible` (n,) are the nodes that may answer it. Raises BadModelOutput for a text that is not of its schema.
         """
+        return self.answer_scoped(query, vector, hits, eligible)[0]
+
+    def answer_scoped(
+        self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible
+    ) -> tuple[Answer, Told | None]:
+        """The answer as `answer` gives it, and what an explanation speaks of."""
         kind = decide_kind(query)
         if not hits:
-            return Answer(kind, NOTHING, reason="no observation fits the question and its conditions")
+            return Answer(kind, NOTHING, reason="no observation fits the question and its conditions"), None
         if query.text is not None and self._too_little(kind, query.text, vector, eligible):
-            return Answer(kind, NOTHING, reason="nothing that was seen comes near to what is asked for")
-        return self._find(query, vector, hits) if kind == "find" else self._explain(query, vector, hits, eligible)
+            return Answer(kind, NOTHING, reason="nothing that was seen comes near to what is asked for"), None
+        if kind == "find":
+            return self._find(query, vector, hits), None
+        scope = self._scopes.of(query, hits, eligible)
+        return self._explain(query, vector, hits, scope), Told(scope.rows, self._scopes.parts(scope))
+
+    def recalled(self, query: Query, found: Recalled) -> Answer:
+        """The answer from what a memory knows of times, changes and numbers; with a way to the place one asked for."""
+        ids = tuple(self._corpus.topomap.nodes[row].id for row in found.rows)
+        if found.kind != "find" or not ids:
+            return Answer("explain", found.text, found.reason, evidence=ids[:RECALLED])
+        node = self._corpus.topomap.nodes[found.rows[0]]
+        route = self._routes.route(query.at, node.id) if query.at is not None else Route("no_start")
+        waypoint = Waypoint(node.id, self._corpus.topomap.frame, node.pose.xyz, node.pose.yaw)
+        return Answer("find", f"{found.text} Go to {node.id}{_way(route)}.", found.reason, waypoint, route, ids[:1])
+
+    def too_little(self, query: Query, vector: Vectors, eligible: Eligible) -> bool:
+        """Whether the nodes `eligible` (n,) hold too little that comes near to a query with the vector (d,)."""
+        return query.text is not None and self._too_little("find", query.text, vector, eligible)
 
     def _too_little(self, kind: QueryKind, text: str, vector: Vectors, eligible: Eligible) -> bool:
         least = self._config.least_evidence if kind == "find" else self._config.least_explained
@@ -89,17 +123,17 @@ class Answerer:
         self._count("reasons quoted instead of written", not said)
         return f"{said} {quote[:1].upper()}{quote[1:]}" if said else quote
 
-    def _explain(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
+    def _explain(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], scope: Scope) -> Answer:
         if self._config.explain == "written" and query.text is not None:
-            return self._written(query, query.text, vector, hits, eligible)
+            return self._written(query.text, vector, scope)
         rows = [self._corpus.topomap.row[hit.node] for hit in hits]
         views = [View(self._corpus.quote(row, vector), row) for row in rows]
         reason = f"what {len(views)} of {int(self._corpus.searchable.sum()):,} views say"
         return self._explained("", views, reason)
 
-    def _written(self, query: Query, text: str, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
+    def _written(self, text: str, vector: Vectors, scope: Scope) -> Answer:
         """What the generator says of views and counts, less what no view bears out; then counts and quotes by code."""
-        scope, config = self._scopes.of(query, hits, eligible), self._config
+        config = self._config
         facts = self._focus.facts(vector, scope.rows, config.facts, config.least_share)
         views, counted = self._views.of(vector, scope.rows, config.views), counts(facts)
         evidence = Evidence(self._focus.words, scope.rows, facts)

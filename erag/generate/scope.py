@@ -10,12 +10,14 @@ from erag.core.geometry import distance
 from erag.core.text import word_set, words
 from erag.core.types import Hit, IntArray, Query
 from erag.forest.quality import base_nodes
+from erag.generate.region import Regions
 from erag.retrieve.corpus import Corpus
 
 _LOCAL = frozenset({"here", "nearby", "around"})
 _WHOLE = word_set("""
     overall whole entire across everywhere environment area map building campus city images views place general all
 """)
+PARTS, LEAST_PART = 6, 2  # regions told of a scope, and the views a region has at least
 LOCAL_VIEWS = 8  # the smallest region that "here" means, in views
 GATHERED, PART = 0.8, 0.25  # this share of the hits inside this share of the map makes a region
 
@@ -31,13 +33,15 @@ class Scope:
 class Scopes:
     """Finds the scope of a question in a forest."""
 
-    def __init__(self, corpus: Corpus) -> None:
-        self._corpus = corpus
+    def __init__(self, corpus: Corpus, regions: Regions | None = None) -> None:
+        self._corpus, self._regions = corpus, regions
         self._below = base_nodes(corpus.forest)
 
     def of(self, query: Query, hits: tuple[Hit, ...], eligible: np.ndarray) -> Scope:
         """The scope of `query`: the nodes `eligible` (n,) of a region, or of the whole map."""
         spoken = set(words(query.text or ""))
+        if (region := self._region(query, eligible)) is not None:
+            return region
         cluster = None
         if query.at is not None and spoken & _LOCAL:
             cluster = self._around(query)
@@ -46,6 +50,26 @@ class Scopes:
         rows = np.arange(len(eligible)) if cluster is None else self._below[cluster]
         rows = rows[eligible[rows] & self._corpus.searchable[rows]]
         return Scope(rows, self._name(cluster))
+
+    def _region(self, query: Query, eligible: np.ndarray) -> Scope | None:
+        """The region that the words of a query name, where any of its views may answer."""
+        found = self._regions.of(query.text or "", query.at) if self._regions is not None else None
+        if found is None:
+            return None
+        rows = found.rows[eligible[found.rows] & self._corpus.searchable[found.rows]]
+        return Scope(rows, found.name) if len(rows) else None
+
+    def parts(self, scope: Scope) -> tuple[tuple[str, IntArray], ...]:
+        """The regions a scope consists of, a handful, by name: clusters of the level that has about `PARTS` of them."""
+        inside = set(scope.rows.tolist())
+        by_level: dict[int, list[tuple[str, IntArray]]] = {}
+        for cluster, below in zip(self._corpus.forest.clusters, self._below, strict=True):
+            rows = np.array([r for r in below.tolist() if r in inside], np.int64)
+            if len(rows) >= LEAST_PART and cluster.name:
+                by_level.setdefault(cluster.level, []).append((cluster.name, rows))
+        several = [found for found in by_level.values() if len(found) > 1]
+        chosen = min(several, key=lambda found: abs(len(found) - PARTS), default=[])
+        return tuple(sorted(chosen, key=lambda part: (-len(part[1]), part[0]))[:PARTS])
 
     def _name(self, cluster: int | None) -> str:
         if cluster is None:

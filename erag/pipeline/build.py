@@ -25,12 +25,12 @@ from erag.memory.file import MemoryFile
 from erag.memory.generations import Generation
 from erag.pipeline.captions import Looked, look
 from erag.pipeline.config import PipelineConfig
-from erag.pipeline.describe import Describer, spoken
+from erag.pipeline.describe import Describer, spoken, with_readings
 from erag.retrieve.corpus import map_texts, split_sentences
 from erag.topomap.build import build_map
 
 NOWHERE = (-1, -1)
-BUILD_VERSION = 2  # raised when the same observations and configuration give another map, text or forest
+BUILD_VERSION = 3  # raised when the same observations and configuration give another map, text or forest
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,8 @@ def _make(work: _Work, looked: Looked, resolved: str) -> tuple[str, ...]:
         "summary_places": _summaries(memory, backend, forest),
         **_structure(topomap, forest),
     }
+    if describer is not None and not given:
+        forest = with_readings(topomap, forest)
     new = Generation(
         memory.observations.revision, resolved, backend.identity("embed"),
         (*map_lines, *looked.lines, *forest_lines), arrays, forest.clusters, looked.seen,
@@ -152,7 +154,7 @@ def _resolved(config: PipelineConfig, given: bool, seen: str) -> str:
     """
     build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster", "seen": seen}
     return json.dumps(
-        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "answer"})}, sort_keys=True
+        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "aware", "answer"})}, sort_keys=True
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from erag.aware.config import AwareConfig
 from erag.core.errors import ConfigError
 from erag.forest.config import ForestConfig
 from erag.forest.summaries import SummaryConfig
@@ -35,6 +36,7 @@ class PipelineConfig(BaseModel):
     forest: ForestConfig = Field(default_factory=ForestConfig)
     summaries: SummaryConfig = Field(default_factory=SummaryConfig)
     retrieve: RetrieveConfig = Field(default_factory=RetrieveConfig)
+    aware: AwareConfig = Field(default_factory=AwareConfig)
     answer: AnswerConfig = Field(default_factory=AnswerConfig)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from erag.aware.readings import readings
+from erag.aware.visits import visits
 from erag.core.progress import Progress
-from erag.core.types import Cluster, Forest, TopoMap
-from erag.forest.quality import forest_quality
+from erag.core.types import Cluster, Forest, IntArray, TopoMap
+from erag.forest.quality import base_nodes, forest_quality
 from erag.forest.summaries import Summaries, SummaryConfig, summarise_forest
 from erag.lm.journal import Journal
 from erag.lm.roles import Vectors
@@ -41,6 +43,24 @@ class Describer:
         """A line a level: how many of its clusters are described, and how well."""
         found = forest_quality(self._topomap, forest, self._config.evidence.facts)
         return ["summaries", *(f"  level {level}: {quality.line()}" for level, quality in found.items())]
+
+
+def with_readings(topomap: TopoMap, forest: Forest) -> Forest:
+    """`forest` with a sentence for each sensor channel at the end of its summaries: mean, spread, trend over visits.
+
+    Counted by code over all base nodes; the sentences are for readers, the vectors of summaries are made without them.
+    """
+    if not any(node.sensors for node in topomap.nodes):
+        return forest
+    seen = [visit.rows for visit in visits(topomap)]
+    pairs = zip(forest.clusters, base_nodes(forest), strict=True)
+    return replace(forest, clusters=tuple(_with_readings(topomap, cluster, rows, seen) for cluster, rows in pairs))
+
+
+def _with_readings(topomap: TopoMap, cluster: Cluster, rows: IntArray, seen: Sequence[IntArray]) -> Cluster:
+    found = (readings(topomap, rows, channel, seen) for channel in sorted(cluster.sensors))
+    said = " ".join(f"Mean {reading.line()}." for reading in found if reading is not None)
+    return replace(cluster, summary=" ".join(filter(None, (cluster.summary, said)))) if said else cluster
 
 
 def spoken(cluster: Cluster) -> str:

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from erag.aware.likeness import Likeness
+from erag.aware.past import Past
+from erag.aware.reading import Read, Reader
 from erag.core.errors import BadModelOutput, InputError, MemoryFileError
 from erag.core.geometry import distance
 from erag.core.output import replacing
-from erag.core.types import Query, QueryKind
+from erag.core.types import Answer, Hit, Query, QueryKind
 from erag.data.contract import QueryLine, Result, parse_query, result_line
 from erag.generate.answer import Answerer
 from erag.generate.kind import decide_kind
+from erag.generate.memories import Memories
+from erag.generate.telling import Telling
 from erag.lm.config import build_backend
 from erag.lm.ledger import Ledger
 from erag.lm.metered import Metered
@@ -40,13 +46,24 @@ class Asker:
         self.corpus, self.notes = built.corpus, built.stale
         router = Router(self.corpus.topomap)
         self._retriever = Retriever(self.corpus, config.retrieve, router, built.sensors, self._backend)
-        self._answerer = Answerer(self.corpus, router, config.answer, self._backend, self.ledger)
+        self._reader = Reader(self.corpus.topomap, built.sensors, config.aware)
+        likeness = Likeness(lambda texts: self._backend.embed(texts, "document"))
+        past = Past(self.corpus.topomap, self.corpus.texts, self._reader.visits, likeness)
+        self._answerer = Answerer(self.corpus, router, config.answer, self._backend, self.ledger, past)
+        self._memories = Memories(self.corpus, past)
+        names = {channel: self._reader.about(channel) for channel in self._reader.channels}
+        self._telling = Telling(self.corpus, self._reader.visits, names, config.aware.stale_after)
 
     def ground(self, x: float, y: float) -> float:
         """Height of the node nearest to (x, y): what a position given without a height stands on."""
         topomap = self.corpus.topomap
         flat = topomap.positions * (1, 1, 0)
         return float(topomap.positions[distance(topomap.frame, flat, (x, y, 0)).argmin(), 2])
+
+    @property
+    def embedder(self) -> LMBackend:
+        """The backend that made this memory's vectors."""
+        return self._backend
 
     def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:
         """(n, d) vectors of texts by the memory's own embedder."""
@@ -60,14 +77,30 @@ class Asker:
         if query.text is not None:
             self.warm_up(decide_kind(query))
         start, calls, events = time.perf_counter(), self.ledger.calls.copy(), self.ledger.events.copy()
-        vector = self._vector(query)
-        found = self._retriever.retrieve([query], vector[None, :])[0]
-        answer = self._answerer.answer(query, vector, found.hits, self._retriever.eligible(query))
+        read = self._reader.read(query)
+        plain = replace(read.query, kind=decide_kind(query))
+        vector = self._vector(plain)
+        found = self._retriever.retrieve([plain], vector[None, :])[0]
+        answer, hits = self._answered(query.text or "", read, plain, vector, found.hits)
         seconds = time.perf_counter() - start
         made = {"embed": 0, **(self.ledger.calls - calls)}
         fallbacks = (f"{event}: {n}" for event, n in sorted((self.ledger.events - events).items()))
-        notes = (*self.notes, *found.notes, *fallbacks)
-        return Result(query.id, found.hits, answer, seconds, found.visited, made, notes)
+        notes = (*self.notes, *read.notes, *found.notes, *fallbacks)
+        return Result(query.id, hits, answer, seconds, found.visited, made, notes)
+
+    def _answered(
+        self, text: str, read: Read, query: Query, vector: Vectors, hits: tuple[Hit, ...]
+    ) -> tuple[Answer, tuple[Hit, ...]]:
+        """The answer, and the hits with those first that a question about the past rests on."""
+        eligible = self._retriever.eligible(query)
+        recalled = self._memories.recall(text, read, eligible)
+        if recalled is None and hits and not self._answerer.too_little(query, vector, eligible):
+            recalled = self._memories.nearest(read, hits)
+        if recalled is None:
+            answer, scope = self._answerer.answer_scoped(query, vector, hits, eligible)
+            return self._telling.told(answer, read, scope), hits
+        answer = self._answerer.recalled(query, recalled)
+        return self._telling.told(answer, read), self._retriever.led(hits, recalled.rows, query.top)
 
     def ask_lines(self, lines: Iterable[QueryLine], top: int) -> Iterator[Result]:
         """One result a line, in order; a line that cannot be asked or answered has `error` and no hits.

@@ -65,12 +65,18 @@ class Memory:
         sensor: Mapping[str, SensorWish] | None = None,
         since: str | None = None,
         until: str | None = None,
+        hours: Sequence[float] | None = None,
+        now: str | None = None,
         top: int = 5,
         kind: QueryKind | None = None,
     ) -> Result:
-        """Hits and answer for a text, a position `at` (x, y[, z]) in the map's frame, or both."""
+        """Hits and answer for a text, a position `at` (x, y[, z]) in the map's frame, or both.
+
+        `since`, `until` and `now` are time stamps, `hours` [from, to) hours of the day in UTC.
+        """
+        raw_hours = None if hours is None else list(hours)
         stated = {"at": None if at is None else list(at), "sensor": None if sensor is None else dict(sensor)}
-        raw = {"id": "query", "query": text, "since": since, "until": until, "kind": kind, **stated}
+        raw = {"id": "query", "query": text, "since": since, "until": until, "kind": kind, "now": now, "hours": raw_hours, **stated}
         return self.asker.ask(parse_query(QueryLine(1, "query", raw), top, self.asker.ground, "the query"))
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,6 +102,19 @@ class Retriever:
             reached.update(zip(block, self._reach([queries[i] for i in block], vectors[block]), strict=True))
         return [self._found(query, reached.get(i)) for i, query in enumerate(queries)]
 
+    def led(self, hits: tuple[Hit, ...], rows: Sequence[int], top: int) -> tuple[Hit, ...]:
+        """At most `top` hits: the nodes `rows` in their order, then the others of `hits`; scores fall with the place."""
+        known = {hit.node: hit for hit in hits}
+        nodes = [self._corpus.topomap.nodes[row] for row in rows]
+        first = [known.get(n.id) or self._bare(row) for row, n in zip(rows, nodes, strict=True)]
+        ids = {hit.node for hit in first}
+        ordered = (*first, *(hit for hit in hits if hit.node not in ids))[:top]
+        return tuple(replace(hit, score=1 / (place + 1)) for place, hit in enumerate(ordered))
+
+    def _bare(self, row: int) -> Hit:
+        node = self._corpus.topomap.nodes[row]
+        return Hit(node.id, node.pose.xyz, 1.0, path=self._corpus.forest.path(row))
+
     def _check_vectors(self, queries: Sequence[Query], vectors: Vectors) -> None:
         if isinstance(self._config.retriever, Bm25Config) or not self._corpus.searchable.any():
             return
@@ -130,9 +143,9 @@ class Retriever:
 
     def eligible(self, query: Query) -> Mask:
         """(n,) bool: nodes that may be a hit of the query: with a text, and inside its time window."""
-        if query.since is None and query.until is None:
+        if not _asks_time(query):
             return self._askable(query)
-        return self._askable(query) & self._times.within(query.since, query.until)
+        return self._askable(query) & self._times.within(query.since, query.until, query.hours)
 
     def _found(self, query: Query, read: _Read | None) -> Found:
         if read is None:
@@ -180,7 +193,7 @@ class Retriever:
     def _map_notes(self, query: Query, any_hits: bool) -> list[str]:
         """Why nothing was found, and what a time window left out."""
         askable, notes = self._askable(query), []
-        if query.since is not None or query.until is not None:
+        if _asks_time(query):
             unknown = int((askable & ~self._times.known).sum())
             if unknown:
                 notes.append(f"{unknown} nodes of unknown time were left out")
@@ -198,6 +211,10 @@ class Retriever:
 
 def _asks_text(query: Query) -> bool:
     return bool(query.text and query.text.strip())
+
+
+def _asks_time(query: Query) -> bool:
+    return query.since is not None or query.until is not None or query.hours is not None
 
 
 def _name(query: Query) -> str:

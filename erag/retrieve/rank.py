@@ -16,6 +16,7 @@ from erag.core.types import IntArray, Pose, Range, SensorWish, TopoMap
 from erag.retrieve.scoring import Mask
 
 Floats = npt.NDArray[np.float64]
+_DAY_S = 86_400.0
 
 
 class Distances(Protocol):
@@ -68,10 +69,22 @@ class Times:
         """(n,) bool."""
         return np.isfinite(self.start)
 
-    def within(self, since: float | None, until: float | None) -> Mask:
-        """(n,) bool: some moment of the node lies in [since, until), as `Interval.overlaps`; unknown times do not."""
+    def within(self, since: float | None, until: float | None, hours: Range | None = None) -> Mask:
+        """(n,) bool: some moment of the node lies in [since, until), as `Interval.overlaps`; unknown times do not.
+
+        With `hours` of the day [from, to) in UTC it also has to begin in them; over midnight where from >= to, and nodes
+        known to a day at best do not.
+        """
         low, high = -np.inf if since is None else since, np.inf if until is None else until
-        return ((self.end > low) | (self.start >= low)) & (self.start < high)
+        inside = ((self.end > low) | (self.start >= low)) & (self.start < high)
+        return inside if hours is None else inside & self._in_hours(*hours)
+
+    def _in_hours(self, first: float, last: float) -> Mask:
+        exact = self.end - self.start < _DAY_S
+        hour = np.mod(np.where(exact, self.start, 0.0), _DAY_S) / 3600
+        if first < last:
+            return exact & (hour >= first) & (hour < last)
+        return exact & ((hour >= first) | (hour < last))
 
 
 class Sensors:
@@ -94,23 +107,30 @@ class Sensors:
         return self._readings[channel]
 
     def score(self, channel: str, wish: SensorWish, where: str) -> Floats:
-        """(n,) in [0, 1], NaN without a reading: how well a channel meets a wish, over its declared or observed range.
+        """(n,) in [0, 1], NaN without a reading: how well a channel meets a wish.
 
-        `low` and `high` are linear over the range; within (low, high) a reading scores 1 and outside it loses linearly
-        with the distance, in units of the range. Where the range is a point, low and high score 0.5.
-        Raises InputError for an unknown channel or an empty wish.
+        `low` and `high` go by the map's own distribution: 1 in the third of its readings at that end, 0 in the third at
+        the other, linear by rank between; 0.5 where all are equal. Within (low, high) a reading scores 1 and outside it loses linearly with the distance, in units of the
+        declared, else the observed, range. Raises InputError for an unknown channel or an empty wish.
         """
         if channel not in self.channels:
             known = ", ".join(self.channels) or "none: this map has no readings"
             raise InputError(f"no sensor channel {channel!r}", where=where, allowed=known)
         readings = self.readings(channel)
-        low, high = self._declared.get(channel) or _observed(readings)
         if not isinstance(wish, str):
+            low, high = self._declared.get(channel) or _observed(readings)
             return _within(readings, wish, high - low, f"{where}, sensor {channel}")
-        if high <= low:
-            return np.where(np.isnan(readings), np.nan, 0.5)
-        share = np.clip((readings - low) / (high - low), 0, 1)
-        return 1 - share if wish == "low" else share
+        high_end = np.clip(3 * _below(readings) - 1, 0, 1)
+        return 1 - high_end if wish == "low" else high_end
+
+
+def _below(readings: Floats) -> Floats:
+    """(n,) the share of the known readings below each, equal ones half; NaN without a reading."""
+    known = np.sort(readings[np.isfinite(readings)])
+    if not len(known):
+        return readings
+    under, upto = np.searchsorted(known, readings, "left"), np.searchsorted(known, readings, "right")
+    return np.where(np.isfinite(readings), (under + upto) / (2 * len(known)), np.nan)
 
 
 def _observed(readings: Floats) -> Range:

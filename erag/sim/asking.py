@@ -9,11 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from erag.core.times import parse_time
 from erag.sim.layout import World
 from erag.sim.truth import View
 
 Kind = Literal["explicit", "implicit", "global"]
-Task = Literal["find", "describe", "count", "change", "unanswerable"]
+Task = Literal["find", "describe", "count", "change", "unanswerable", "last_seen"]
+SPEED = 0.6  # metres per second of the robot
 Line = dict[str, Any]
 Wish = Literal["low", "high"]
 
@@ -71,8 +73,14 @@ class Known:
         return [round(camera.x, 2), round(camera.y, 2), camera.z]
 
 
+def moment(world: World, index: int) -> float:
+    """UTC seconds at which the robot is at a stop."""
+    return round(parse_time(world.when.start).start + world.stops[index].metres / SPEED)
+
+
 def query(known: Known, kind: Kind, task: Task, text: str, **more: Any) -> Line:
-    """A line without its id; `more` are `relevant`, `golden_answer`, `at`, `sensor`, `since`, `until`, `target`."""
+    """A line without its id; `more` are `relevant`, `golden_answer`, `at`, `sensor`, `since`, `until`,
+    `target`, `seen_at`."""
     head: Line = {"id": "", "kind": kind, "task": task, "query": text}
     tail = {"environment": known.name, "split": known.visits[0].scene.split}
     return head | {key: value for key, value in more.items() if value is not None} | tail

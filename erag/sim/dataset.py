@@ -19,6 +19,7 @@ from erag.core.times import parse_time
 from erag.core.types import EdgeKind, Frame, Interval, Observation, Pose
 from erag.data.reading import GivenEdge, Reading
 from erag.data.writer import write_folder, write_gml
+from erag.sim.asking import moment
 from erag.sim.camera import Size
 from erag.sim.captions import caption, object_caption
 from erag.sim.crew import run_apart
@@ -35,7 +36,6 @@ Captions = Literal["none", "truth"]
 CHUNK = 24  # frames that are rendered with the same solids loaded, and committed together
 CHUNKS_APART = 4  # chunks drawn by one process; pybullet keeps some 100 MB of every scene it has shown
 MANY_STOPS = 1000  # a world with more of them is drawn in the size of a town
-SPEED = 0.6  # metres per second of the robot
 QUALITY = 88  # of the JPEG images
 WORK = ".work"
 SENSORS = {"ndvi": (-1.0, 1.0)}
@@ -127,11 +127,6 @@ def node_id(world: World, index: int) -> str:
 def object_id(instance: str, world: World) -> str:
     """The id of the node of an object on a visit."""
     return f"{instance}@{'ab'[world.visit - 1]}"
-
-
-def moment(world: World, index: int) -> float:
-    """UTC seconds at which the robot is at a stop."""
-    return round(parse_time(world.when.start).start + world.stops[index].metres / SPEED)
 
 
 def write_queries(out: Path, plan: Plan) -> None:

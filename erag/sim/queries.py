@@ -16,6 +16,7 @@ from erag.sim.truth import Seen, View
 from erag.sim.vocabulary import article, classes, kin, plural, read_words, validated
 
 EXPLICIT, IMPLICIT, UNANSWERABLE = 10, 10, 3  # of each a world; a town has TOWN times as many
+LAST_SEEN = 6  # of these, half of things that have gone since, where there was a second visit
 TOWN = 3
 _FIND = (
     "Find {a}.", "Where is the nearest {name}?", "Take me to {a}.", "Show me {a}.", "Is there {a} around here?",
@@ -57,6 +58,7 @@ def queries(
         *_explicit(known, rng, EXPLICIT * scale, sensors), *_implicit(known, rng, IMPLICIT * scale, sensors),
         *questions.describing(known, rng), *questions.counting(known, rng, 2 * scale), *questions.changes(known),
         *_unanswerable(known, rng, UNANSWERABLE * scale),
+        *questions.sightings(known, generator(seed, visits[0].name, "last seen"), LAST_SEEN * scale),
     ]  # fmt: skip
     return [line | {"id": f"{known.name}-q{i:03d}"} for i, line in enumerate(lines, start=1)]
 

@@ -8,9 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from erag.sim.asking import Known, Line, Wish, query
+from erag.core.times import format_time, parse_time
+from erag.core.types import Interval
+from erag.sim.asking import Kind, Known, Line, Wish, moment, query
 from erag.sim.phrases import capital, listed, number, pick
-from erag.sim.vocabulary import article, classes, plural
+from erag.sim.vocabulary import article, classes, kin, plural
 
 FindKind = Literal["explicit", "implicit"]
 WISHES: tuple[Wish, Wish] = ("low", "high")
@@ -141,6 +143,60 @@ def _arrived(known: Known, name: str) -> Line:
     text = f"Find {article(name)} that is there now."
     since = known.visits[1].when.start
     return query(known, "explicit", "change", text, relevant=nodes, since=since, target=name)
+
+
+def sightings(known: Known, rng: np.random.Generator, count: int) -> Iterator[Line]:
+    """When and where something was last seen; what has gone since comes first, where there was a second visit.
+
+    `seen_at` is the true moment; `relevant` are the nodes of the last minute of that visit in which it was visible.
+    """
+    moments = _moments(known)
+    last = {name: max(nodes, key=lambda n: moments[n]) for name, nodes in _places(known).items()}
+    early = [n for n, node in last.items() if len(known.visits) > 1 and moments[node] < _second(known)]
+    rest = [n for n in last if n not in early and len(_places(known)[n]) < _OFTEN * len(known.views)]
+    gone = rng.permutation(sorted(early)).tolist()[: count // 2]
+    chosen = [*gone, *rng.permutation(sorted(rest)).tolist()[: count - len(gone)]]
+    for number_, name in enumerate(chosen):
+        node = last[name]
+        at = moments[node]
+        near = [n for n in _places(known)[name] if at - _EPISODE_S <= moments[n] <= at and _visit(n) == _visit(node)]
+        kind, sayings = _LAST[number_ % len(_LAST)]
+        text = pick(rng, sayings).format(a=article(name), the=f"the {name}", name=name)
+        when = format_time(Interval(at, at))
+        place = next(v.place_name for v in known.views if v.node == node)
+        answer = f"{capital(article(name))} was last seen on {when[:10]} at {when[11:16]}, in the {place}."
+        yield query(known, kind, "last_seen", text, golden_answer=answer, relevant=near, seen_at=when, target=name)
+
+
+_OFTEN, _EPISODE_S = 0.3, 60.0  # seen at more of the nodes it is no target; seconds that count as one sighting
+_LAST: tuple[tuple[Kind, tuple[str, ...]], ...] = (
+    ("explicit", ("Where did you last see {a}?", "Where was {the} last seen?", "Take me to where you last saw {a}.",
+                  "Show me the place where {a} was seen last.")),
+    ("global", ("When did you last see {a}?", "When was {the} last seen?", "At what time did you last notice {a}?",
+                "On which day was {a} seen for the last time?")),
+    ("global", ("How long ago did you see {a}?", "How long ago was {the} last seen?",
+                "How long has it been since you saw {a}?")),
+)  # fmt: skip
+
+
+def _moments(known: Known) -> dict[str, float]:
+    """UTC seconds at which the robot was at each place node."""
+    worlds = {w.visit: w for w in known.visits}
+    return {v.node: moment(worlds[v.visit], int(v.node.rsplit("-", 1)[1])) for v in known.views}
+
+
+def _second(known: Known) -> float:
+    return parse_time(known.visits[1].when.start).start
+
+
+def _visit(node: str) -> str:
+    return node.rsplit("-", 2)[1]
+
+
+def _places(known: Known) -> dict[str, list[str]]:
+    """Class -> place nodes at which one is visible; those of classes that count as it too."""
+    shown = {v.node for v in known.views}
+    return {n: [p for p in known.nodes(*kin(n)) if p in shown] for n in known.nodes_by_class if not classes()[n].big}
 
 
 def _most_seen(known: Known) -> list[tuple[str, int]]:

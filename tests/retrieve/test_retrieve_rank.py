@@ -33,19 +33,22 @@ def test_a_window_keeps_what_overlaps_it(
     assert times.known.tolist() == [True] * len(known) + [False]
 
 
-def test_low_and_high_are_linear_over_the_declared_range() -> None:
-    sensors = Sensors(
-        map_of(place(0, ndvi=0.0), place(1, ndvi=0.5), place(2, ndvi=2.0), place(3)), {"ndvi": (0.0, 1.0)}
-    )
-    assert sensors.score("ndvi", "high", "q").tolist()[:3] == [0.0, 0.5, 1.0]
-    assert sensors.score("ndvi", "low", "q").tolist()[:3] == [1.0, 0.5, 0.0]
-    assert np.isnan(sensors.score("ndvi", "low", "q")[3])
+def test_hours_of_the_day_run_over_midnight_and_leave_out_what_is_known_to_a_day() -> None:
+    spans = [Interval(h * 3600.0, h * 3600.0) for h in (3, 9, 23)]
+    times = Times.of(map_of(*(place(i, time=t) for i, t in enumerate([*spans, Interval(0.0, 86_400.0), None]))))
+    assert times.within(None, None, (8, 12)).tolist() == [False, True, False, False, False]
+    assert times.within(None, None, (22, 5)).tolist() == [True, False, True, False, False]
+    assert times.within(4 * 3600.0, None, (22, 5)).tolist() == [False, False, True, False, False]
 
 
-def test_without_a_declared_range_the_observed_one_counts() -> None:
-    sensors = Sensors(map_of(place(0, t=10.0), place(1, t=15.0), place(2, t=20.0), place(3, t=float("nan"))), {})
-    assert sensors.score("t", "high", "q").tolist()[:3] == [0.0, 0.5, 1.0]
-    assert np.isnan(sensors.score("t", "high", "q")[3])
+def test_low_and_high_are_the_outer_thirds_of_the_map_whatever_range_is_declared() -> None:
+    nodes = [place(i, ndvi=v) for i, v in enumerate((0.1, 0.11, 0.12, 0.2, 0.3, 0.4))]
+    for declared in ({"ndvi": (-1.0, 1.0)}, {}):
+        sensors = Sensors(map_of(*nodes, place(6), place(7, ndvi=float("nan"))), declared)
+        high = sensors.score("ndvi", "high", "q")
+        assert high.tolist()[:6] == pytest.approx([0, 0, 0.25, 0.75, 1, 1])
+        assert sensors.score("ndvi", "low", "q").tolist()[:6] == pytest.approx([1, 1, 0.75, 0.25, 0, 0])
+        assert np.isnan(high[6:]).all()
 
 
 def test_a_range_scores_one_inside_and_loses_with_distance_outside() -> None:
