@@ -95,15 +95,11 @@ def _summaries(reading: Reading, teacher: str, notes: Counter[str]) -> Iterator[
         yield _record("summarise", teacher, reading.source, Group(texts), summary)
 
 
-def _record(
-    role: RoleName, teacher: str, source: str, request: object, result: object, parameters: str = ""
-) -> Record:
+def _record(role: RoleName, teacher: str, source: str, request: object, result: object, parameters: str = "") -> Record:
     return _written(role, teacher, source, request_text(request), result, parameters)
 
 
-def _written(
-    role: RoleName, teacher: str, source: str, request: str, result: object, parameters: str = ""
-) -> Record:
+def _written(role: RoleName, teacher: str, source: str, request: str, result: object, parameters: str = "") -> Record:
     stated = {"kind": "reference", "teacher": teacher, "source": source, "rules": RULES}
     made = Source(role, json.dumps(stated, sort_keys=True))
     (key,) = call_keys(role, made.fingerprint, [request], parameters)

@@ -9,16 +9,18 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from erag.core.errors import InputError
 from erag.core.output import replacing_bytes
 from erag.lm.journal import Key, call_keys
 from erag.lm.records import CODECS
-from erag.lm.roles import ROLES, RoleName, Vectors
+from erag.lm.roles import ROLES, RoleName
 
+Halves = npt.NDArray[np.float16]
 FORMAT, VERSION = "erag-calls", 1
 MAX_LINE = 8 << 20  # bytes of one record
 MAX_BYTES = 16 << 30  # of a whole file, unpacked
@@ -45,7 +47,7 @@ class Record:
     key: Key
     request: str = ""
     result: str = ""
-    vector: Vectors | None = None
+    vector: Halves | None = None
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def _sources(head: Mapping[str, Any], where: str) -> tuple[Source, ...]:
         texts = [item.get(key) for key in ("role", "fingerprint", "identity")] if isinstance(item, dict) else []
         if len(texts) != 3 or not all(isinstance(text, str) for text in texts) or texts[0] not in ROLES:
             raise InputError("a source without role, fingerprint and identity", where=where, allowed=", ".join(ROLES))
-        made.append(Source(*texts))
+        made.append(Source(cast(RoleName, texts[0]), str(texts[1]), str(texts[2])))
     return tuple(made)
 
 
@@ -160,7 +162,7 @@ def _read(raw: Mapping[str, Any], sources: tuple[Source, ...], where: str) -> Re
     return Record(source, key, request, result)
 
 
-def _vector(text: str) -> Vectors:
+def _vector(text: str) -> Halves:
     """(d,) float16, finite and not zero."""
     row = np.frombuffer(base64.b64decode(text, validate=True), np.float16)
     if not (0 < len(row) <= MAX_WIDTH and np.isfinite(row).all() and row.any()):

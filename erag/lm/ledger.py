@@ -11,8 +11,8 @@ class Ledger:
     """Counts by role: `calls` items computed by a model, `replayed` items read from records, `seconds` in the models.
 
     `tokens_in` and `tokens_out` count what language models read (each prompt in full, though shared beginnings are
-    computed once) and wrote. `events` counts what a user should see: truncated texts, fallbacks, refused outputs. `cost`
-    is money by what was paid for: a model and its currency.
+    computed once) and wrote. `events` counts what a user should see: truncated texts, fallbacks, refused outputs.
+    `cost` is money by what was paid for: a model and its currency.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -27,7 +27,11 @@ class Ledger:
         """A line a role and a line an event, for printing."""
         roles = sorted(set(self.calls) | set(self.replayed))
         events = (f"{name}: {n:,}" for name, n in sorted(self.events.items()))
-        return [*map(self._role, roles), *events, *(f"cost of {m}: {paid:.4f}" for m, paid in sorted(self.cost.items()))]
+        return [
+            *map(self._role, roles),
+            *events,
+            *(f"cost of {m}: {paid:.4f}" for m, paid in sorted(self.cost.items())),
+        ]
 
     def _role(self, role: str) -> str:
         read, wrote = self.tokens_in[role], self.tokens_out[role]

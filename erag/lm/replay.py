@@ -115,9 +115,7 @@ class Replay:
         found = self._found(role, requests, parameters, shown or requests)
         return [CODECS[role].decode(record.result) for record in found]
 
-    def _found(
-        self, role: RoleName, requests: Sequence[str], parameters: str, shown: Sequence[str]
-    ) -> list[Record]:
+    def _found(self, role: RoleName, requests: Sequence[str], parameters: str, shown: Sequence[str]) -> list[Record]:
         source = self._source(role)
         keys = call_keys(role, source.fingerprint, requests, parameters)
         missing = {key: text for key, text in zip(keys, shown, strict=True) if key not in self._records}

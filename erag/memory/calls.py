@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from erag.core.types import IntArray
-from erag.lm.callfile import Record, Source
+from erag.lm.callfile import Halves, Record, Source
 from erag.lm.journal import Key
 from erag.lm.roles import ROLES, RoleName, Vectors
 from erag.memory.database import Database, undamaged
@@ -104,7 +104,9 @@ class Calls:
                 (time.time(), error, batch),
             )
 
-    def records(self, roles: Collection[RoleName] = ROLES, identities: Mapping[str, str] | None = None) -> Iterator[Record]:
+    def records(
+        self, roles: Collection[RoleName] = ROLES, identities: Mapping[str, str] | None = None
+    ) -> Iterator[Record]:
         """Every recorded call of some roles; `identities` are those known of embedders, by fingerprint."""
         known = identities or {}
         if "embed" in roles:
@@ -138,10 +140,10 @@ class Calls:
         self._index, self._indexed = {}, False
         return len(new) + sum(map(len, vectors.values()))
 
-    def _unknown(self, records: Sequence[Record]) -> dict[tuple[str, int], dict[Key, Vectors]]:
+    def _unknown(self, records: Sequence[Record]) -> dict[tuple[str, int], dict[Key, Halves]]:
         """The vectors (d,) float16 that are not recorded yet, by fingerprint and width."""
         places = self.places([r.key for r in records])
-        found: dict[tuple[str, int], dict[Key, Vectors]] = {}
+        found: dict[tuple[str, int], dict[Key, Halves]] = {}
         for record in records:
             if record.vector is not None and record.key not in places:
                 row = np.ascontiguousarray(record.vector, np.float16)

@@ -90,7 +90,9 @@ def test_imported_records_stand_for_the_model(calls: Path, image: Path, tmp_path
 def test_what_is_missing_is_said_precisely(calls: Path, image: Path, tmp_path: Path) -> None:
     replay = Replay(ReplayConfig(records=calls))
     asked = [*TASKS, SelectTask("Wo ist die Brücke?", ("x", "y")), SelectTask("pond", ("x",))]
-    with pytest.raises(NotRecorded, match=r"no record of 2 of 3 select calls, such as .*Brücke.*erag records export") as caught:
+    with pytest.raises(
+        NotRecorded, match=r"no record of 2 of 3 select calls, such as .*Brücke.*erag records export"
+    ) as caught:
         replay.select(asked, 1)
     assert (caught.value.role, caught.value.missing, caught.value.asked) == ("select", 2, 3)
     with pytest.raises(NotRecorded, match="1 of 1 select"):
@@ -125,7 +127,9 @@ def test_a_built_memory_is_asked_without_its_embedder(campus: Path, tmp_path: Pa
     with MemoryFile.writing(made, "test") as file:
         Journal(build_backend(memory.config.backend, default_store()), file.calls).embed([question], "query")
     export_records(made, tmp_path / "c.jsonl.gz")
-    overrides = [f"backend={{models: {{r: {{kind: replay, records: {tmp_path / 'c.jsonl.gz'}}}}}, roles: {{embed: r}}}}"]
+    overrides = [
+        f"backend={{models: {{r: {{kind: replay, records: {tmp_path / 'c.jsonl.gz'}}}}}, roles: {{embed: r}}}}"
+    ]
     replayed = open_memory(made, overrides=[*overrides, "answer.explain=quotes", "retrieve.retriever={kind: node}"])
     plain = open_memory(made, config=fake_config, overrides=["retrieve.retriever={kind: node}"])
     ours, theirs = replayed.query(question), plain.query(question)
@@ -138,16 +142,20 @@ Change = Callable[[list[dict[str, Any]]], object]
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda rows: rows[0].update(version=2), "version 2"), (lambda rows: rows[0].update(format="x"), "format 'x'"),
-        (lambda rows: rows.pop(), "is cut short: 10 of 11"), (lambda rows: rows[0].update(sources=[{"role": "cook"}]), "a source"),
-        (lambda rows: rows[1].update(of=99), "index out of range"), (lambda rows: rows[1].update(of=-1), "no number"),
-        (lambda rows: rows[1].update(key="00"), "a key of 1 bytes"), (lambda rows: rows[1].update(key="0" * 32), "not that of its request"),
+        (lambda rows: rows[0].update(version=2), "version 2"),
+        (lambda rows: rows[0].update(format="x"), "format 'x'"),
+        (lambda rows: rows.pop(), "is cut short: 10 of 11"),
+        (lambda rows: rows[0].update(sources=[{"role": "cook"}]), "a source"),
+        (lambda rows: rows[1].update(of=99), "index out of range"),
+        (lambda rows: rows[1].update(of=-1), "no number"),
+        (lambda rows: rows[1].update(key="00"), "a key of 1 bytes"),
+        (lambda rows: rows[1].update(key="0" * 32), "not that of its request"),
         (lambda rows: [row.update(request="x") for row in rows if "request" in row], "not that of its request"),
         (lambda rows: [row.update(result="{") for row in rows if "result" in row], "no record"),
         (lambda rows: [row.update(vector="AAAA") for row in rows if "vector" in row], "no record"),
         (lambda rows: [row.update(vector="!") for row in rows if "vector" in row], "no record"),
     ],
-)  # fmt: skip
+)
 def test_a_file_that_is_not_true_of_itself_is_refused(calls: Path, tmp_path: Path, change: Change, told: str) -> None:
     rows = [json.loads(line) for line in gzip.decompress(calls.read_bytes()).splitlines()]
     change(rows)

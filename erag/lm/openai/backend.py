@@ -38,9 +38,7 @@ CAPTION_SCHEMA = {
     "type": "object",
     "properties": {
         "description": {"type": "string", "minLength": 3, "maxLength": 1500},
-        "objects": {
-            "type": "array", "items": {"type": "string", "minLength": 1, "maxLength": 80}, "minItems": 0, "maxItems": 40,
-        },
+        "objects": {"type": "array", "items": {"type": "string", "minLength": 1, "maxLength": 80}, "maxItems": 40},
     },
     "required": ["description", "objects"],
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Requests that are repeated when it may help: backoff with jitter, Retry-After, pace, budget; errors without secrets."""
+"""Requests that are repeated when it may help: backoff with jitter, Retry-After, pace, budget; no secrets in errors."""
 
 from __future__ import annotations
 
@@ -67,7 +67,9 @@ class Caller:
             failures.append(found)
             if len(failures) > self._config.retries:
                 times = f" ({len(failures)} attempts)" if len(failures) > 1 else ""
-                raise ModelError(f"{found.what}{times}", where=self._config.base_url, repair="try later; what is done is kept")
+                raise ModelError(
+                    f"{found.what}{times}", where=self._config.base_url, repair="try later; what is done is kept"
+                )
             self._spending.event("requests repeated")
             self._sleep(self._wait(len(failures), found))
 
@@ -115,13 +117,14 @@ class Caller:
         return _Failure(what, _retry_after(reply.headers.get("retry-after")))
 
     def _wait(self, failed: int, failure: _Failure) -> float:
-        """Seconds before the next attempt: what the server asks for, else doubled each time; a little more by chance."""
+        """Seconds before the next attempt: what the server asks for, else doubled each time; with jitter."""
         if failure.wait is not None:
             if failure.wait > self._config.longest_wait:
                 what = f"{failure.what}; it asks to wait {failure.wait:.0f} s"
                 raise ModelError(what, where=self._config.base_url, allowed=f"up to {self._config.longest_wait:g} s")
             return failure.wait + self._rng.uniform(0, self._config.backoff)
-        return self._rng.uniform(0.5, 1) * min(self._config.backoff * 2 ** (failed - 1), self._config.longest_wait)
+        doubled = self._config.backoff * 2.0 ** (failed - 1)
+        return self._rng.uniform(0.5, 1) * min(doubled, self._config.longest_wait)
 
 
 def used(answer: Mapping[str, Any], guess: Tokens) -> Tokens:

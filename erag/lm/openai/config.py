@@ -79,7 +79,7 @@ class OpenAIConfig(BaseModel):
     budget: float | None = Field(None, gt=0, allow_inf_nan=False)
     temperature: float | None = Field(0, ge=0, le=2, description="None: not sent")
     seed: bool = Field(True, description="whether seeds are sent")
-    token_field: Literal["max_tokens", "max_completion_tokens"] = "max_tokens"
+    token_field: Literal["max_tokens", "max_completion_tokens"] = "max_tokens"  # noqa: S105
     structured: Literal["strict", "full"] = "strict"
     repairs: int = Field(1, ge=0, le=5, description="times a model is told what is wrong with its JSON")
     likelihoods: Literal["first_token", "extension"] = "first_token"

@@ -249,7 +249,7 @@ def _spoken(message: _Message) -> str:
 
 
 def _image(url: str) -> tuple[bytes, str]:
-    """The bytes of an image given as a data URL, and the ending of its name. Raises InputError for any other address."""
+    """The bytes of an image given as a data URL, and the ending of its name. Raises InputError otherwise."""
     head, _, data = url.partition(",")
     kind = head.removeprefix("data:").removesuffix(";base64")
     if kind not in _SUFFIX or head != f"data:{kind};base64":

@@ -90,7 +90,9 @@ class OpenAIServer:
 
     def admit(self, headers: Mapping[str, str]) -> None:
         """Raises Refused for a client without the key, or a page of a browser that found its way here."""
-        if self._key and not hmac.compare_digest(headers.get("Authorization", "").encode(), f"Bearer {self._key}".encode()):
+        if self._key and not hmac.compare_digest(
+            headers.get("Authorization", "").encode(), f"Bearer {self._key}".encode()
+        ):
             raise Refused(401, "invalid_api_key", "a key is needed: Authorization: Bearer …")
         name = headers.get("Host", "").rpartition(":")[0] or headers.get("Host", "")
         if not self._key and not is_loopback(name.strip("[]")):
@@ -156,62 +158,62 @@ class _Listener(ThreadingHTTPServer):
             self._places.release()
 
 
+class _Handler(BaseHTTPRequestHandler):
+    """One request a connection, for the server a subclass names."""
+
+    front: OpenAIServer
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "erag", ""
+
+    def do_GET(self) -> None:
+        self._respond("GET")
+
+    def do_POST(self) -> None:
+        self._respond("POST")
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Nothing: requests hold what a robot saw."""
+
+    def _respond(self, method: str) -> None:
+        try:
+            status, body = HTTPStatus.OK.value, self._answer(method)
+        except Refused as refusal:
+            status = refusal.status
+            body = {"error": {"message": refusal.line(), "type": refusal.code, "code": refusal.code}}
+        except (TimeoutError, ConnectionError):
+            self.close_connection = True
+            return
+        self._send(status, json.dumps(body, ensure_ascii=False).encode("utf-8", "replace"))
+
+    def _answer(self, method: str) -> dict[str, Any]:
+        headers: Mapping[str, str] = self.headers  # type: ignore[assignment]
+        self.front.admit(headers)
+        body = b""
+        if method == "POST":
+            length = self.front.length(headers)
+            body = self.rfile.read(length)
+            if len(body) < length:
+                raise ConnectionResetError
+        return self.front.respond(method, self.path, headers, body)
+
+    def _send(self, status: int, body: bytes) -> None:
+        self.close_connection = True
+        try:
+            self.send_response(status)
+            self.send_header("Content-Type", "application/json; charset=utf-8")
+            self.send_header("Content-Length", str(len(body)))
+            self.send_header("Connection", "close")
+            if status == HTTPStatus.TOO_MANY_REQUESTS:
+                self.send_header("Retry-After", "1")
+            self.end_headers()
+            self.wfile.write(body)
+        except OSError:
+            return  # the client is gone; its answer interests nobody
+
+
 def _handler(server: OpenAIServer) -> type[BaseHTTPRequestHandler]:
     """The class of handlers of one server."""
-
-    class Handler(BaseHTTPRequestHandler):
-        """One request a connection."""
-
-        protocol_version = "HTTP/1.1"
-        server_version, sys_version = "erag", ""
-        timeout = server.patience
-
-        def do_GET(self) -> None:  # noqa: N802
-            self._respond("GET")
-
-        def do_POST(self) -> None:  # noqa: N802
-            self._respond("POST")
-
-        def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002
-            """Nothing: requests hold what a robot saw."""
-
-        def _respond(self, method: str) -> None:
-            try:
-                status, body = HTTPStatus.OK.value, self._answer(method)
-            except Refused as refusal:
-                status = refusal.status
-                body = {"error": {"message": refusal.line(), "type": refusal.code, "code": refusal.code}}
-            except (TimeoutError, ConnectionError):
-                self.close_connection = True
-                return
-            self._send(status, json.dumps(body, ensure_ascii=False).encode("utf-8", "replace"))
-
-        def _answer(self, method: str) -> dict[str, Any]:
-            headers: Mapping[str, str] = self.headers  # type: ignore[assignment]
-            server.admit(headers)
-            body = b""
-            if method == "POST":
-                length = server.length(headers)
-                body = self.rfile.read(length)
-                if len(body) < length:
-                    raise ConnectionResetError
-            return server.respond(method, self.path, headers, body)
-
-        def _send(self, status: int, body: bytes) -> None:
-            self.close_connection = True
-            try:
-                self.send_response(status)
-                self.send_header("Content-Type", "application/json; charset=utf-8")
-                self.send_header("Content-Length", str(len(body)))
-                self.send_header("Connection", "close")
-                if status == HTTPStatus.TOO_MANY_REQUESTS:
-                    self.send_header("Retry-After", "1")
-                self.end_headers()
-                self.wfile.write(body)
-            except OSError:
-                return  # the client is gone; its answer interests nobody
-
-    return Handler
+    return type("Handler", (_Handler,), {"front": server, "timeout": server.patience})
 
 
 def _key(name: str | None) -> str:

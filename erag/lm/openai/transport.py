@@ -75,9 +75,7 @@ class Transport:
         if self._tls is None:
             connection = Connection(self._host, self._port, timeout=self._timeout)
         else:
-            connection = http.client.HTTPSConnection(
-                self._host, self._port, timeout=self._timeout, context=self._tls
-            )
+            connection = http.client.HTTPSConnection(self._host, self._port, timeout=self._timeout, context=self._tls)
         try:
             with permitted():
                 connection.connect()

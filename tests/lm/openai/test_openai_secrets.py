@@ -62,20 +62,18 @@ def test_a_key_that_is_none_is_not_shown(value: str, monkeypatch: pytest.MonkeyP
     [
         f"backend.models.m={{kind: openai, model: m, api_key: {KEY}}}",
         f"backend.models.m={{kind: openai, model: m, key_env: {KEY}}}",
-        f"backend.models.m={{kind: openai, model: m, key_env: plainsecret123}}",
+        "backend.models.m={kind: openai, model: m, key_env: plainsecret123}",
         f"backend.models.m={{kind: openai, model: m, base_url: 'https://user:{KEY}@example.org/v1'}}",
         f"backend.models.m={{kind: nonsense, api_key: {KEY}}}",
         f"backend.models.m={{kind: openai, api_key: {KEY}}}",
-        f"backend.roles.embed={KEY}",
     ],
 )
 def test_a_key_in_the_configuration_is_refused_unseen(override: str) -> None:
     with pytest.raises(EragError) as caught:
-        settings = load_config("tiny", None, [override])
-        assert KEY in settings.backend.roles.values()  # the last one: a role's name, which compose refuses
-        compose({}, Roles(settings.backend.roles))
-    assert "abcdefgh" not in caught.value.line() or override.startswith("backend.roles")
+        load_config("tiny", None, [override])
+    assert "abcdefgh" not in caught.value.line()
     assert "plainsecret" not in caught.value.line()
+    assert caught.value.__cause__ is None  # the validator's own message would have it
 
 
 def test_the_command_line_does_not_repeat_one(capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,10 +83,14 @@ def test_the_command_line_does_not_repeat_one(capsys: pytest.CaptureFixture[str]
 
 
 def test_secrets_are_taken_out_of_any_text() -> None:
-    raw = {"api_key": "x", "a": [f"Bearer {KEY}", "https://u:p@h/v1"], "key_env": "K", "n": 3, "monkey": "chimp"}
-    assert without_secrets(raw) == {
-        "api_key": "(hidden)", "a": ["(hidden)", "https://(hidden)@h/v1"], "key_env": "(hidden)", "n": 3, "monkey": "chimp",
-    }  # fmt: skip
+    raw = {"api_key": "x", "a": [f"Bearer {KEY}", "https://u:p@h/v1"], "key_env": "K", "monkey": "chimp"}
+    shown = {
+        "api_key": "(hidden)",
+        "a": ["(hidden)", "https://(hidden)@h/v1"],
+        "key_env": "(hidden)",
+        "monkey": "chimp",
+    }
+    assert without_secrets(raw) == shown
     assert without_secrets("say tomato and to", "tomato") == "say (hidden) and to"
 
 
@@ -148,15 +150,23 @@ print(sorted(set(reached)))
 
 
 def test_the_client_connects_to_its_host_and_nothing_else() -> None:
-    proxies = {"http_proxy": "http://192.0.2.1:9", "HTTPS_PROXY": "http://192.0.2.1:9", "ALL_PROXY": "http://192.0.2.1:9"}
+    proxies = {
+        "http_proxy": "http://192.0.2.1:9",
+        "HTTPS_PROXY": "http://192.0.2.1:9",
+        "ALL_PROXY": "http://192.0.2.1:9",
+    }
     with scripted([Turn(said("x"))]) as script:
         port = int(script.url.split(":")[2].split("/")[0])
         command = [sys.executable, "-c", CLIENT, script.url]
-        made = subprocess.run(command, capture_output=True, text=True, timeout=60, env={**proxies, "PYTHONPATH": ":".join(sys.path)})
+        made = subprocess.run(
+            command, capture_output=True, text=True, timeout=60, env={**proxies, "PYTHONPATH": ":".join(sys.path)}
+        )
     assert made.stdout.strip() == str([("127.0.0.1", port)]), made.stderr
 
 
 def test_a_key_for_another_machine_needs_tls() -> None:
     with pytest.raises(ConfigError, match="over https only"):
         validate(OpenAIRoles, {"model": "m", "base_url": "http://192.0.2.1/v1"}, "test")
-    assert validate(OpenAIRoles, {"model": "m", "base_url": "http://localhost:1/v1"}, "test").key_env == "OPENAI_API_KEY"
+    assert (
+        validate(OpenAIRoles, {"model": "m", "base_url": "http://localhost:1/v1"}, "test").key_env == "OPENAI_API_KEY"
+    )

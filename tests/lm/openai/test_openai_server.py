@@ -58,7 +58,9 @@ def asked(server: OpenAIServer, method: str, path: str, body: Any = None, **head
     port = int(server.url.rsplit(":", 1)[1].split("/")[0])
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
     data = body if isinstance(body, bytes) else json.dumps(body).encode()
-    connection.request(method, path, data if method == "POST" else None, {"Content-Type": "application/json", **headers})
+    connection.request(
+        method, path, data if method == "POST" else None, {"Content-Type": "application/json", **headers}
+    )
     response = connection.getresponse()
     found = json.loads(response.read())
     connection.close()
