@@ -29,12 +29,8 @@ class Cosine:
 
     def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
         """See `Selector`; equal cards in the order of their texts."""
-        scores = self.score([(task.query, card) for task in tasks for card in task.cards])
-        ends = np.cumsum([len(task.cards) for task in tasks])[:-1]
-        return [
-            sorted(range(len(task.cards)), key=lambda i: (-float(own[i]), task.cards[i], i))[:k]
-            for task, own in zip(tasks, np.split(scores, ends), strict=True)
-        ]
+        scores = iter(self.score([(task.query, card) for task in tasks for card in task.cards]))
+        return [_best(task, [float(next(scores)) for _ in task.cards], k) for task in tasks]
 
     def score(self, pairs: Sequence[tuple[str, str]]) -> Vectors:
         """(n,) in [0, 1]: half of one plus the cosine."""
@@ -44,3 +40,7 @@ class Cosine:
         said = dict(zip(texts, self._embedder.embed(texts, "document"), strict=True)) if texts else {}
         near = [float(asked[query] @ said[text]) if text in said else -1.0 for query, text in pairs]
         return np.clip((1 + np.array(near, np.float32)) / 2, 0, 1)
+
+
+def _best(task: SelectTask, scores: Sequence[float], k: int) -> list[int]:
+    return sorted(range(len(task.cards)), key=lambda i: (-scores[i], task.cards[i], i))[:k]

@@ -14,7 +14,8 @@ _LIBRARIES = ("torch", "llama-cpp-python", "transformers")
 _RULE = (
     "The rule: of the backends whose whole process stayed within the memory, those count whose loss is not above the "
     "upper end of the least loss's 95 % interval; the fastest of them is named. Memory is that of one role alone: "
-    "roles that one model plays share it, roles of several models add up."
+    "roles that one model plays share it, roles of several models add up. A control needs no model: where the backend "
+    "named for the most memory does not lose less than the best of them by its whole interval, that is said."
 )
 _DATA = (
     "Losses are against the cloud's recorded answers where there are any, else against labels (1 − figure): a row says "
@@ -73,9 +74,25 @@ def _further(row: Row, names: Sequence[str]) -> tuple[str, ...]:
 def _verdicts(config: CompareConfig, rows: Sequence[Row]) -> list[str]:
     trials = dict.fromkeys(row.trial for row in rows if row.kind == "local" and row.judgement)
     roles = {row.trial: row.role for row in rows}
-    head = ("role", "trial", *(f"{gib:g} GiB" for gib in config.budgets))
-    table = [(roles[t], t, *(_said(verdict(rows, t, gib)) for gib in config.budgets)) for t in trials]
+    head = ("role", "trial", *(f"{gib:g} GiB" for gib in config.budgets), "best control")
+    table = [
+        (roles[t], t, *(_said(verdict(rows, t, gib)) for gib in config.budgets), _control(rows, t, max(config.budgets)))
+        for t in trials
+    ]
     return _table(head, table) if table else ["Nothing was measured."]
+
+
+def _control(rows: Sequence[Row], trial: str, gib: float) -> str:
+    """The control that loses least, and whether the backend chosen for `gib` loses less, its interval included."""
+    known = [
+        (r.judgement.loss.value, r.backend) for r in rows if (r.trial, r.kind) == (trial, "control") and r.judgement
+    ]
+    if not known:
+        return "–"
+    loss, name = min(known)
+    chosen = verdict(rows, trial, gib).row
+    beaten = chosen is not None and chosen.judgement is not None and chosen.judgement.loss.high < loss
+    return f"{name}: {loss:.2f}, {'beaten' if beaten else 'NOT beaten'}"
 
 
 def _said(found: Verdict) -> str:

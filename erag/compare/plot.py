@@ -10,6 +10,7 @@ from typing import Any
 from erag.compare.rows import Row, pareto
 
 _WIDTH, _HEIGHT, _ACROSS = 4.6, 3.5, 3  # inches a panel, panels a line
+_LEAST = 1e-6  # seconds: a logarithm needs more than none
 _LOCAL, _CLOUD, _CONTROL, _FRONT = "#1f5fa8", "#2a8a4a", "#999999", "#d07020"
 
 
@@ -18,6 +19,7 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
+        from matplotlib.ticker import FormatStrFormatter, NullFormatter
     except ImportError:
         return False
     trials = list(dict.fromkeys(r.trial for r in rows if r.seconds is not None and r.judgement))
@@ -30,6 +32,8 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
     panels = figure.subplots(down, across, squeeze=False).ravel()
     for axes, trial in zip(panels, trials, strict=False):
         _panel(axes, [r for r in rows if r.trial == trial and r.judgement])
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
     for axes in panels[len(trials) :]:
         axes.set_axis_off()
     figure.suptitle("What is lost, and how long it takes; discs grow with peak memory", fontsize=11)
@@ -54,7 +58,9 @@ def _panel(axes: Any, rows: Sequence[Row]) -> None:
     )
     for number, row in enumerate(sorted(local, key=lambda r: r.seconds or 0.0)):
         _point(axes, row, above=number % 2 == 0)
-    axes.margins(x=0.25, y=0.2)
+    known = [max(r.seconds, _LEAST) for r in local if r.seconds is not None]
+    axes.set_xlim(min(known) / 3, max(known) * 10)  # room for names to the right
+    axes.margins(y=0.2)
     axes.set_title(f"{rows[0].trial} ({rows[0].role})", fontsize=9)
     axes.set_xlabel("seconds an item", fontsize=8)
     axes.set_ylabel(f"loss against {rows[0].against}", fontsize=8)
@@ -65,7 +71,7 @@ def _panel(axes: Any, rows: Sequence[Row]) -> None:
 def _point(axes: Any, row: Row, above: bool) -> None:
     if row.judgement is None or row.seconds is None:
         return
-    loss, x = row.judgement.loss, max(row.seconds, 1e-6)
+    loss, x = row.judgement.loss, max(row.seconds, _LEAST)
     axes.errorbar(x, loss.value, yerr=[[loss.value - loss.low], [loss.high - loss.value]], color=_LOCAL, linewidth=0.8)
     axes.scatter(
         [x], [loss.value], s=10 + 2.2 * math.sqrt(row.peak_mb or 0), color=_LOCAL, alpha=0.65, linewidths=0, zorder=3
