@@ -89,9 +89,11 @@ def _models() -> dict[str, str]:
 
 def _network() -> str:
     """Whether this machine has a route to the outside; connecting a datagram socket looks it up and sends nothing."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+    from erag.lm.offline import permitted
+
+    with permitted(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # TEST-NET-1, an address that belongs to nobody
         except OSError:
-            return "no route to the outside (only `erag models pull` would need one)"
-    return "there is a route to the outside (only `erag models pull` uses it)"
+            return "no route to the outside (only `erag models pull` and the `openai` backend would need one)"
+    return "there is a route to the outside (only `erag models pull` and the `openai` backend use it)"

@@ -7,9 +7,10 @@ import sys
 
 import typer
 
-from erag.cli import bench, demo, distil, doctor, memory, models, query, report, sim
+from erag.cli import bench, compare, demo, distil, doctor, memory, models, query, records, report, serve, sim
 from erag.cli.show import say
 from erag.core.errors import EragError
+from erag.lm.offline import forbid_network
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells count
 
@@ -17,10 +18,11 @@ app = typer.Typer(
     name="erag", help="Offline Embodied-RAG: a robot's observations become a memory that can be asked.",
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
 )  # fmt: skip
-for module in (memory, query, report, demo, doctor, bench, distil):
+for module in (memory, query, report, demo, doctor, bench, distil, compare, serve):
     module.register(app)
 app.add_typer(models.app, name="models")
 app.add_typer(sim.app, name="sim")
+app.add_typer(records.app, name="records")
 
 
 def main() -> None:
@@ -28,6 +30,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal that cannot show a sign shows its number
+    if sys.argv[1:2] != ["models"]:  # only `models pull` fetches, through pip
+        forbid_network()
     sys.exit(run(sys.argv[1:]))
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 from erag.core.errors import InputError
 
@@ -21,13 +22,25 @@ def replacing(path: Path, *inputs: Path) -> Iterator[TextIO]:
     Raises InputError, changing nothing, when `path` is a folder, a device or a memory file, is one of `inputs`, or
     cannot be written.
     """
+    with replacing_bytes(path, *inputs) as raw:
+        file = io.TextIOWrapper(raw, encoding="utf-8", errors="backslashreplace")
+        try:
+            yield file
+            file.flush()
+        finally:
+            file.detach()
+
+
+@contextmanager
+def replacing_bytes(path: Path, *inputs: Path) -> Iterator[BinaryIO]:
+    """As `replacing`, for a file of bytes."""
     target = _target(path, inputs)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".partial", dir=target.parent)
         partial = Path(name)
         try:
-            with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            with os.fdopen(handle, "wb") as file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())

@@ -14,6 +14,9 @@ from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
 from erag.lm.llamacpp.backend import LlamaCpp
 from erag.lm.llamacpp.config import LlamaCppConfig
+from erag.lm.openai.backend import OpenAI
+from erag.lm.openai.config import OpenAIRoles
+from erag.lm.replay import Replay, ReplayConfig
 from erag.lm.roles import LMBackend, Model, RoleName, Roles
 from erag.lm.sentence import SentenceConfig, SentenceEmbedder
 from erag.lm.signs import Signs, SignsConfig
@@ -39,7 +42,8 @@ class TorchLMRoles(TorchLMConfig):
 
 CaptionerConfig = TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | SignsConfig
 ModelConfig = Annotated[
-    SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | FakeConfig, Field(discriminator="kind")
+    SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | OpenAIRoles | ReplayConfig | FakeConfig,
+    Field(discriminator="kind"),
 ]
 _LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]] = {
     SentenceConfig: SentenceEmbedder,
@@ -70,7 +74,12 @@ class BackendConfig(BaseModel):
 
 def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | None = None) -> LMBackend:
     """The backend of a configuration; nothing is loaded yet. Raises ConfigError for roles that do not fit."""
-    return compose({key: _model(c, store, ledger) for key, c in config.models.items()}, Roles(config.roles))
+    return compose(build_models(config, store, ledger), Roles(config.roles))
+
+
+def build_models(config: BackendConfig, store: ModelStore, ledger: Ledger | None = None) -> dict[str, Model]:
+    """The models of a configuration by their keys; nothing is loaded yet."""
+    return {key: _model(c, store, ledger) for key, c in config.models.items()}
 
 
 def text_engine(
@@ -86,6 +95,10 @@ def _model(config: ModelConfig, store: ModelStore, ledger: Ledger | None) -> Mod
     match config:
         case FakeConfig():
             return Fake(config)
+        case ReplayConfig():
+            return Replay(config)
+        case OpenAIRoles():
+            return OpenAI(config, ledger)
         case SignsConfig():
             return Signs(config, _model(config.captioner, store, ledger))
         case LlamaCppRoles() | TorchLMRoles():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
@@ -79,6 +78,11 @@ def plan(keys: Sequence[Key], sizes: Sequence[int], batch_size: int) -> list[lis
     return [order[i : i + batch_size] for i in range(0, len(order), batch_size)]
 
 
+def call_keys(role: RoleName, fingerprint: str, requests: Sequence[str], parameters: str = "") -> list[Key]:
+    """The keys of recorded requests: what was asked, of what, with which parameters (`k=3` of a selection)."""
+    return [content_hash(role, fingerprint, parameters, text) for text in requests]
+
+
 class Journal:
     """An `LMBackend` around another one and a `CallStore`."""
 
@@ -99,8 +103,7 @@ class Journal:
 
     def keys(self, role: RoleName, inputs: Sequence[str], parameters: str = "") -> list[Key]:
         """The keys of `inputs` (as recorded text) under this backend's fingerprint."""
-        fingerprint = self._backend.fingerprint(role)
-        return [content_hash(role, fingerprint, parameters, text) for text in inputs]
+        return call_keys(role, self._backend.fingerprint(role), inputs, parameters)
 
     def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:
         """As the backend's, at the store's precision, each distinct text computed at most once."""
@@ -193,4 +196,4 @@ class Journal:
 
 
 def _requests(items: Sequence[Any]) -> list[str]:
-    return [json.dumps(records.plain(item), sort_keys=True, ensure_ascii=False) for item in items]
+    return [records.request_text(item) for item in items]

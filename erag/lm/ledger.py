@@ -12,6 +12,7 @@ class Ledger:
 
     `tokens_in` and `tokens_out` count what language models read (each prompt in full, though shared beginnings are
     computed once) and wrote. `events` counts what a user should see: truncated texts, fallbacks, refused outputs.
+    `cost` is money by what was paid for: a model and its currency.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -20,11 +21,17 @@ class Ledger:
     tokens_in: Counter[str] = field(default_factory=Counter)
     tokens_out: Counter[str] = field(default_factory=Counter)
     events: Counter[str] = field(default_factory=Counter)
+    cost: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def lines(self) -> list[str]:
         """A line a role and a line an event, for printing."""
         roles = sorted(set(self.calls) | set(self.replayed))
-        return [*map(self._role, roles), *(f"{name}: {n:,}" for name, n in sorted(self.events.items()))]
+        events = (f"{name}: {n:,}" for name, n in sorted(self.events.items()))
+        return [
+            *map(self._role, roles),
+            *events,
+            *(f"cost of {m}: {paid:.4f}" for m, paid in sorted(self.cost.items())),
+        ]
 
     def _role(self, role: str) -> str:
         read, wrote = self.tokens_in[role], self.tokens_out[role]

@@ -25,7 +25,7 @@ Out = TypeVar("Out")
 
 
 class Metered:
-    """An `LMBackend` around another one; items that raise are not counted."""
+    """An `LMBackend` around another one; items that raise are not counted, but for the seconds they took."""
 
     def __init__(self, backend: LMBackend, ledger: Ledger) -> None:
         self._backend, self.ledger = backend, ledger
@@ -59,7 +59,9 @@ class Metered:
 
     def _counted(self, role: RoleName, items: int, call: Callable[[], Out]) -> Out:
         start = time.perf_counter()
-        result = call()
+        try:
+            result = call()
+        finally:
+            self.ledger.seconds[role] += time.perf_counter() - start
         self.ledger.calls[role] += items
-        self.ledger.seconds[role] += time.perf_counter() - start
         return result

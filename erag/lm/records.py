@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from erag.lm.roles import Caption, Generation, Summary
+from erag.lm.roles import Caption, Generation, RoleName, Summary
 
 T = TypeVar("T")
 
@@ -49,3 +49,11 @@ SUMMARY: Codec[Summary] = Codec(_dump, _summary)
 GENERATION: Codec[Generation] = Codec(_dump, lambda text: Generation(**json.loads(text)))
 SELECTION: Codec[list[int]] = Codec(_dump, json.loads)
 SCORE: Codec[float] = Codec(_dump, json.loads)
+CODECS: Mapping[RoleName, Codec[Any]] = {
+    "caption": CAPTION, "summarise": SUMMARY, "select": SELECTION, "score": SCORE, "generate": GENERATION,
+}  # fmt: skip
+
+
+def request_text(item: Any) -> str:
+    """A request of a text role as it is recorded, the same for equal requests."""
+    return _dump(item)

@@ -69,6 +69,11 @@ class TextRoles:
         most = c.summary_chars + c.name_chars + c.relationships * (c.relationship_chars + 4)
         self._summary_tokens = most // CHARS_A_TOKEN + 40  # 40: keys and marks
 
+    @property
+    def engine(self) -> TextEngine:
+        """The language model itself."""
+        return self._engine
+
     def identity(self, role: RoleName) -> str:
         """The engine's identity, the version of the role's prompts and its parameters."""
         return self._described(role, self._engine.identity(role))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from erag.core.types import IntArray
+from erag.lm.callfile import Halves, Record, Source
 from erag.lm.journal import Key
-from erag.lm.roles import RoleName, Vectors
-from erag.memory.database import Database
+from erag.lm.roles import ROLES, RoleName, Vectors
+from erag.memory.database import Database, undamaged
 
 KEY_BYTES = 16
 Place = tuple[int, int]  # block and row of a stored vector
@@ -102,6 +103,52 @@ class Calls:
                 "UPDATE call_batches SET status = 'failed', finished = ?, error = ? WHERE batch = ?",
                 (time.time(), error, batch),
             )
+
+    def records(
+        self, roles: Collection[RoleName] = ROLES, identities: Mapping[str, str] | None = None
+    ) -> Iterator[Record]:
+        """Every recorded call of some roles; `identities` are those known of embedders, by fingerprint."""
+        known = identities or {}
+        if "embed" in roles:
+            for fingerprint, width, keys, data in self._db.rows("SELECT fingerprint, dim, keys, data FROM vectors"):
+                source = Source("embed", fingerprint, known.get(fingerprint, ""))
+                rows = np.frombuffer(data, np.float16).reshape(-1, width)
+                yield from (Record(source, keys[i * KEY_BYTES :][:KEY_BYTES], vector=row) for i, row in enumerate(rows))
+        columns = "key, role, fingerprint, request, result"
+        for key, role, fingerprint, request, result in self._db.rows(f"SELECT {columns} FROM call_results"):  # noqa: S608
+            if role in roles:
+                yield Record(Source(role, fingerprint), key, request, result)
+
+    def adopt(self, records: Sequence[Record]) -> int:
+        """Take records over, all or none; how many were new. What is recorded already stays as it is."""
+        with undamaged(self._db.path):
+            texts = [r for r in records if r.vector is None]
+            have = self.results([r.key for r in texts])
+            new = {r.key: r for r in texts if r.key not in have}
+            vectors = self._unknown([r for r in records if r.vector is not None])
+            with self._db.transaction() as connection:
+                connection.executemany(
+                    "INSERT INTO call_results VALUES (?, ?, ?, ?, ?)",
+                    [(r.key, r.source.role, r.source.fingerprint, r.request, r.result) for r in new.values()],
+                )
+                for (fingerprint, width), rows in vectors.items():
+                    keys, data = b"".join(rows), np.stack(list(rows.values())).tobytes()
+                    connection.execute(
+                        "INSERT INTO vectors (fingerprint, dim, keys, data) VALUES (?, ?, ?, ?)",
+                        (fingerprint, width, keys, data),
+                    )
+        self._index, self._indexed = {}, False
+        return len(new) + sum(map(len, vectors.values()))
+
+    def _unknown(self, records: Sequence[Record]) -> dict[tuple[str, int], dict[Key, Halves]]:
+        """The vectors (d,) float16 that are not recorded yet, by fingerprint and width."""
+        places = self.places([r.key for r in records])
+        found: dict[tuple[str, int], dict[Key, Halves]] = {}
+        for record in records:
+            if record.vector is not None and record.key not in places:
+                row = np.ascontiguousarray(record.vector, np.float16)
+                found.setdefault((record.source.fingerprint, len(row)), {})[record.key] = row
+        return found
 
     def _note(self, block: int, keys: Sequence[Key]) -> None:
         self._index.update({key: (block, row) for row, key in enumerate(keys)})

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from erag.aware.config import AwareConfig
 from erag.core.errors import ConfigError
+from erag.core.secrets import HIDDEN, secret_name, without_secrets
 from erag.forest.config import ForestConfig
 from erag.forest.summaries import SummaryConfig
 from erag.generate.config import AnswerConfig
@@ -108,12 +109,12 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
     path, equals, value = override.partition("=")
     keys = path.split(".")
     if not equals or not all(keys):
-        raise ConfigError(f"{override!r}", where="--set", allowed="path=value, such as forest.alpha=0.5")
+        raise ConfigError(f"{without_secrets(path)!r}", where="--set", allowed="path=value, such as forest.alpha=0.5")
     at: Any = raw
     for key in keys[:-1]:
         at = at.setdefault(key, {})
         if not isinstance(at, dict):
-            raise ConfigError(f"{override!r}: {key!r} holds a value, not a section", where="--set")
+            raise ConfigError(f"{path!r}: {key!r} holds a value, not a section", where="--set")
     loaded = parse_yaml(value, f"--set {path}")
     if keys[-1] == "kind" and at.get("kind") != loaded:
         at.clear()
@@ -121,6 +122,10 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
 
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+def _shown(value: object) -> str:
+    return reprlib.repr(without_secrets(value))
 
 
 def validate(model: type[Model], raw: object, where: str) -> Model:
@@ -131,4 +136,5 @@ def validate(model: type[Model], raw: object, where: str) -> Model:
         first = error.errors(include_url=False)[0]
         at = ".".join(str(part) for part in first["loc"])
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise ConfigError(f"{at} = {reprlib.repr(first['input'])}: {first['msg']}{more}", where=where) from error
+        shown = HIDDEN if secret_name(str(first["loc"][-1] if first["loc"] else "")) else _shown(first["input"])
+        raise ConfigError(f"{at} = {shown}: {first['msg']}{more}", where=where) from None

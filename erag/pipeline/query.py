@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from erag.generate.telling import Telling
 from erag.lm.config import build_backend
 from erag.lm.ledger import Ledger
 from erag.lm.metered import Metered
+from erag.lm.replay import NotRecorded
 from erag.lm.roles import LMBackend, Prompt, RoleName, SelectTask, TextKind, Vectors
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
@@ -117,7 +119,8 @@ class Asker:
         """Load the models these kinds of query need, so that the first query's seconds are those of any other."""
         calls, counted = self.ledger.calls.copy(), self.ledger.seconds.copy()
         for role in self._roles(*kinds) - self._warm:
-            _CALLS[role](self._backend)
+            with suppress(NotRecorded):  # records need no warming
+                _CALLS[role](self._backend)
             self._warm.add(role)
         self.ledger.calls, self.ledger.seconds = calls, counted
 

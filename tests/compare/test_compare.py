@@ -1,0 +1,358 @@
+"""The comparison: trials judge what they should, cells are kept, the verdict follows its rule."""
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from erag.cli.main import run
+from erag.compare.cells import Cell, Job, measured, model_mb, read_cell
+from erag.compare.choosing import Decisions, Relevance, Search
+from erag.compare.config import CompareConfig, DecisionsTrial, RelevanceTrial, SearchTrial
+from erag.compare.cosine import Cosine
+from erag.compare.plot import plotted
+from erag.compare.rows import Row, pareto, verdict
+from erag.compare.run import compare, write
+from erag.compare.seeing import Captions, Objects
+from erag.compare.telling import ClusterSummaries
+from erag.compare.trial import Figure, Judgement, each, judged, shifted
+from erag.compare.trials import trial_of
+from erag.core.errors import BadModelOutput, ConfigError
+from erag.lm.fake import Fake, FakeConfig
+from erag.lm.ledger import Ledger
+from erag.lm.roles import SelectTask
+from erag.lm.tagger import TaggerConfig
+from erag.lm.weights import default_store
+from erag.pipeline.config import validate
+
+FAKE = {"fake": {"model": {"kind": "fake"}}, "wide": {"model": {"kind": "fake", "dim": 128}}}
+COSINE = {"cosine": {"model": {"kind": "fake"}, "cosine": True}}
+
+
+def config(out: Path, **trials: Any) -> CompareConfig:
+    raw = {"out": out, "judge": {"kind": "fake"}, "backends": {**FAKE, **COSINE}, "trials": trials}
+    return validate(CompareConfig, raw, "test")
+
+
+SAMPLE = {
+    "search": {"kind": "search", "count": 12, "backends": ["fake", "wide"]},
+    "relevance": {"kind": "relevance", "count": 6, "backends": ["fake", "cosine"]},
+    "answers": {"kind": "answers", "count": 2, "backends": ["fake"]},
+}
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[CompareConfig, list[Row]]:
+    """The sample's labels, asked of backends without weights."""
+    made = config(tmp_path_factory.mktemp("compare") / "run", **SAMPLE)
+    return made, compare(made, default_store(), lambda text: None)
+
+
+def row(rows: Sequence[Row], trial: str, backend: str) -> Row:
+    return next(r for r in rows if (r.trial, r.backend) == (trial, backend))
+
+
+def test_every_backend_and_control_has_a_row(compared: tuple[CompareConfig, list[Row]]) -> None:
+    _, rows = compared
+    assert [(r.trial, r.backend, r.kind) for r in rows] == [
+        ("search", "fake", "local"), ("search", "wide", "local"), ("search", "any, by chance", "control"),
+        ("relevance", "fake", "local"), ("relevance", "cosine", "local"),
+        ("relevance", "longer texts first", "control"),
+        ("answers", "fake", "local"), ("answers", "the counts alone, by code", "control"),
+        ("answers", "a generic sentence", "control"),
+    ]  # fmt: skip
+    for one in rows:
+        assert one.judgement is not None
+        assert one.against == "labels"
+        assert one.judgement.loss.value == pytest.approx(1 - one.judgement.figure.value)
+        assert one.judgement.figure.low <= one.judgement.figure.value <= one.judgement.figure.high
+    assert row(rows, "relevance", "fake").judgement.figure.value > 0.6  # type: ignore[union-attr]
+
+
+def test_measurements_are_of_a_process_of_their_own(compared: tuple[CompareConfig, list[Row]]) -> None:
+    _, rows = compared
+    for one in rows:
+        if one.kind == "local":
+            assert one.cell is not None
+            assert 20 < one.cell.base_mb <= one.cell.peak_mb < 4000
+            assert one.cell.seconds > 0
+            assert len(one.cell.outputs) == one.items
+        else:
+            assert (one.seconds, one.peak_mb) == (None, None)
+    answers = row(rows, "answers", "fake").judgement
+    assert answers is not None
+    assert [f.name for f in answers.more] == ["valid", "grounded", "golden facts stated"]
+    assert answers.more[0].value == 1  # the fake's text is of the schema, and says nothing
+
+
+def test_results_are_written_and_fit_a_terminal(compared: tuple[CompareConfig, list[Row]]) -> None:
+    made, rows = compared
+    page = (made.out / "report.md").read_text()
+    assert "## search (embed): P@1, 12 items, no cloud record: against labels" in page
+    assert "1 GiB | 2 GiB | 4 GiB | 8 GiB" in page
+    table = list(csv.DictReader((made.out / "table.csv").open()))
+    assert [(r["trial"], r["backend"]) for r in table] == [(r.trial, r.backend) for r in rows]
+    assert validate(CompareConfig, yaml.safe_load((made.out / "config.yaml").read_text()), "saved") == made
+
+
+def test_finished_cells_are_kept_and_changed_ones_measured_anew(compared: tuple[CompareConfig, list[Row]]) -> None:
+    made, rows = compared
+    said: list[str] = []
+    again = compare(made, default_store(), said.append)
+    assert all(line.endswith(": kept") for line in said)
+    assert len(said) == 5
+    assert [r.cell for r in again] == [r.cell for r in rows]
+    trial = made.trials["search"].model_copy(update={"backends": ("fake",)})
+    items = list(Search(trial).items)  # type: ignore[arg-type]
+    more = Job("search", "fake", made.model_copy(update={"threads": 1}), items, default_store().files)
+    cell, kept = measured(more, made.out / "cells", default_store())
+    assert not kept
+    assert cell.outputs == row(rows, "search", "fake").cell.outputs  # type: ignore[union-attr]
+
+
+def test_a_damaged_cell_is_no_cell(tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    for text in ("", "{", "[]", '{"trial": "x"}', '{"unknown": 1}'):
+        path.write_text(text)
+        assert read_cell(path) is None
+
+
+def test_what_cannot_be_measured_says_why(tmp_path: Path) -> None:
+    gone = {"kind": "captions", "source": str(tmp_path / "none"), "backends": ["fake"]}
+    trials = {"gone": gone, "search": {"kind": "search", "count": 3, "backends": ["cosine", "fake"]}}
+    said: list[str] = []
+    rows = compare(config(tmp_path / "out", **trials), default_store(), said.append)
+    assert [(r.trial, r.kind, r.judgement is None) for r in rows][:3] == [
+        ("gone", "none", True), ("search", "local", True), ("search", "local", False),
+    ]  # fmt: skip
+    assert "cannot play this role" in row(rows, "search", "cosine").note
+    assert "not measured" in said[0]
+    assert "cannot play this role" in (tmp_path / "out" / "report.md").read_text()
+
+
+def made_row(name: str, loss: float, seconds: float, mb: float, spread: float = 0.05) -> Row:
+    figure = Figure("f", 1 - loss, 1 - loss - spread, 1 - loss + spread)
+    judgement = Judgement(figure, Figure("loss", loss, loss - spread, loss + spread))
+    cell = Cell("t", name, "d", seconds=seconds * 10, peak_mb=mb)
+    return Row("t", "select", name, "local", "agreement", "labels", 10, judgement, cell, 100.0)
+
+
+ROWS = [
+    made_row("tiny", 0.40, 0.01, 500), made_row("small", 0.22, 0.1, 1800), made_row("large", 0.20, 2.0, 3900),
+    made_row("huge", 0.05, 9.0, 9000),
+]  # fmt: skip
+
+
+def test_the_verdict_is_the_fastest_that_cannot_be_told_from_the_best_that_fits() -> None:
+    assert verdict(ROWS, "t", 0.25).row is None
+    found = {gib: verdict(ROWS, "t", gib) for gib in (1, 2, 4, 16)}
+    assert {gib: v.row.backend for gib, v in found.items() if v.row} == {1: "tiny", 2: "small", 4: "small", 16: "huge"}
+    assert found[4].best is not None
+    assert found[4].best.backend == "large"
+    assert found[4].fitting == 3
+
+
+def test_the_front_has_what_no_other_beats() -> None:
+    beaten = made_row("slow and bad", 0.5, 5.0, 100)
+    assert [r.backend for r in pareto([beaten, *ROWS])] == ["tiny", "small", "large", "huge"]
+
+
+def test_the_page_tells_the_rule_and_the_plot_is_drawn(tmp_path: Path) -> None:
+    pillow = pytest.importorskip("PIL.Image")
+    pytest.importorskip("matplotlib")
+    made = config(tmp_path, search=SAMPLE["search"])
+    hostile = made_row("a | b", 0.3, 0.2, 700)
+    control = Row("t", "select", "chance", "control", "agreement", "labels", 10, ROWS[0].judgement)
+    write(made, [*ROWS, hostile, control])
+    page = (tmp_path / "report.md").read_text()
+    assert "small (as good as large, faster)" in page
+    assert "chance: 0.40, beaten" in page
+    assert "none fits" not in page
+    assert "| a / b |" in page
+    assert pillow.open(tmp_path / "pareto.png").size[0] > 400
+    assert not plotted([control], tmp_path / "none.png")
+
+
+class Stubborn(Fake):
+    """Fails at every batch that holds the word `bad`."""
+
+    def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
+        if any("bad" in task.query for task in tasks):
+            raise BadModelOutput("no")
+        return super().select(tasks, k)
+
+
+def test_one_item_costs_no_other_its_output() -> None:
+    tasks = [SelectTask(q, ("a", "b")) for q in ("a", "bad", "b", "a")]
+    assert each(lambda some: Stubborn().select(some, 1), tasks, 3) == [[0], None, [1], [0]]
+
+
+def retrieval_qa(folder: Path, decisions: Sequence[tuple[str, Sequence[str], str]]) -> Path:
+    folder.mkdir()
+    lines = []
+    for question, names, choice in decisions:
+        listed = "\n\n".join(f"{i}. {name}" for i, name in enumerate(names, 1))
+        asked = f"Query: {question}\nContext: Available:\n\n{listed}\nInstruction: choose"
+        lines.append(json.dumps({"messages": [{"role": "user", "content": asked}, {"content": choice}]}))
+    (folder / "train.jsonl").write_text("\n".join(lines))
+    return folder
+
+
+def test_agreement_is_with_the_cards_text(tmp_path: Path) -> None:
+    source = retrieval_qa(
+        tmp_path / "qa",
+        [("Where is the pond?", ("pond_1", "bench_1", "bench_2"), "bench_2"), ("A bench?", ("bench_1", "bin"), "bin"),
+         ("Alone?", ("bin",), "bin")],
+    )  # fmt: skip
+    trial = Decisions(DecisionsTrial(kind="decisions", source=source, backends=("x",), folds=1))
+    assert [item["choice"] for item in trial.items] == [2, 1]  # one card is no choice
+    judgement = trial.judge([1, 0], Fake())  # bench_1 reads as bench_2 does
+    assert (judgement.figure.value, judgement.loss.value) == (0.5, 0.5)
+    assert trial.judge([None, None], Fake()).figure.value == 0
+    assert trial.judge(trial.cloud(), Fake()).loss.value == 0
+    assert trial.ask(Fake(), trial.items, Ledger()) == [0, 0]  # type: ignore[arg-type]
+
+
+def test_relevance_is_the_area_under_the_roc() -> None:
+    trial = Relevance(RelevanceTrial(kind="relevance", backends=("x",), count=3, relevant=1, others=2))
+    perfect, worst, tied = [0.9, 0.1, 0.2], [0.1, 0.2, 0.3], [0.5, 0.5, 0.5]
+    assert trial.judge([perfect, worst, tied], Fake()).figure.value == pytest.approx(0.5)
+    assert trial.judge([[None, 0.1, 0.2]] * 3, Fake()).figure.value == 0
+    assert all(len(item["relevant"]) == 1 and len(item["others"]) == 2 for item in trial.items)
+
+
+def test_a_pool_keeps_something_to_find() -> None:
+    trial = Search(SearchTrial(kind="search", backends=("x",), count=5, pool=20))
+    (found,) = {len(output) for output in trial.ask(Fake(), trial.items, Ledger())}  # type: ignore[arg-type]
+    assert found == 5
+    assert all(item["relevant"] for item in trial.items)
+    right = [[item["relevant"][0], "x"] for item in trial.items]
+    assert trial.judge(right, Fake()).figure.value == 1
+    assert trial.judge(right, Fake()).more[0].value == pytest.approx(0.2)
+
+
+def test_cosine_selects_and_scores() -> None:
+    fake = Fake()
+    cosine = Cosine(fake, fake)
+    assert cosine.select([SelectTask("a bench", ("a pond", "", "a bench"))], 2) == [[2, 0]]
+    scores = cosine.score([("a bench", "a bench"), ("a bench", "")])
+    assert scores == pytest.approx([1, 0], abs=1e-6)
+    assert cosine.select([], 1) == []
+
+
+GML = """graph [
+  node [ id 0 label "0" type "base" position [ x 8.0 y 47.0 z 0 ] name "a" caption "A bench stands by a pond." level 0 ]
+  node [ id 1 label "1" type "base" position [ x 8.0 y 47.1 z 0 ] name "b" caption "A red bench by a tree." level 0 ]
+  node [ id 2 label "2" type "base" position [ x 8.0 y 47.1 z 0 ] name "c" caption "A car on a road." level 0 ]
+  node [ id 3 label "3" type "base" position [ x 8.0 y 47.1 z 0 ] name "d" caption "A car by a house." level 0 ]
+  node [ id 4 label "p" type "cluster" position [ x 8 y 47 z 0 ] name "Benches" summary "Benches by a pond." level 1
+    members "0" members "1" ]
+  node [ id 5 label "q" type "cluster" position [ x 8 y 47 z 0 ] name "Cars" summary "Cars and dragons." level 1
+    members "2" members "3" ]
+]"""
+
+
+def test_summaries_are_held_against_the_clouds_own_of_the_same_cluster(tmp_path: Path) -> None:
+    (tmp_path / "f.gml").write_text(GML)
+    raw = {"kind": "summaries", "source": tmp_path / "f.gml", "backends": ["fake"]}
+    trial = trial_of(config(tmp_path / "out", summaries=raw), "summaries", default_store())
+    assert isinstance(trial, ClusterSummaries)
+    ours = trial.judge(trial.ask(Fake(), trial.items, Ledger()), Fake())  # type: ignore[arg-type]
+    cloud = trial.judge(trial.cloud(), Fake())
+    assert cloud.loss.value == pytest.approx(0, abs=1e-6)
+    assert 0 < ours.loss.value < 1
+    covered, unsupported = cloud.more
+    assert covered.value > 0.2
+    assert unsupported.value == pytest.approx(0.25)  # no member bears out dragons: one of the two of its cluster
+    controls = trial.controls()
+    assert trial.judge(controls["of another cluster"], Fake()).figure.value < cloud.figure.value
+    assert "bench" in json.dumps(controls["composed by code"]).lower()
+
+
+def test_captions_are_held_against_the_clouds(tmp_path: Path) -> None:
+    pillow = pytest.importorskip("PIL.Image")
+    (tmp_path / "frames").mkdir()
+    nodes = []
+    for i, text in enumerate(("A lobby with a desk.", "A road with a car.")):
+        pillow.fromarray(np.full((8, 8, 3), 40 * i, np.uint8)).save(tmp_path / "frames" / f"{i}.png")
+        said = json.dumps({"Description": text, "Objects": "desk, car"})
+        nodes.append({"node_id": i, "position": [i, 0, 0], "image": f"frames/{i}.png", "caption": said})
+    (tmp_path / "nodes_with_captions.json").write_text(json.dumps(nodes))
+    raw = {"kind": "captions", "source": tmp_path, "backends": ["fake"]}
+    trial = trial_of(config(tmp_path / "out", frames=raw), "frames", default_store())
+    assert isinstance(trial, Captions)
+    assert trial.judge(trial.cloud(), Fake()).figure.value == pytest.approx(1)
+    other = trial.judge(trial.controls()["a caption of another frame"], Fake())
+    assert other.figure.value < 1
+    assert trial.judge(trial.ask(Fake(), trial.items, Ledger()), Fake()).loss.value > other.loss.value  # type: ignore[arg-type]
+    assert trial.judge([None, None], Fake()).figure.value == 0
+
+
+TRUTH = [
+    {"node": f"n{i}", "place": "park", "caption": "x", "objects": [
+        {"name": name, "share": 0.2, "box": [0, 0, 1, 1]} for name in names]}
+    for i, names in enumerate((("litter bin", "bench"), ("bench",)))
+]  # fmt: skip
+
+
+def test_objects_are_counted_by_class_and_synonym(tmp_path: Path) -> None:
+    pytest.importorskip("PIL")
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "park.jsonl").write_text("\n".join(map(json.dumps, TRUTH)))
+    raw = {"kind": "objects", "worlds": tmp_path, "names": ["park"], "synonyms": {"litter bin": ["waste bin"]},
+           "backends": ["fake"]}  # fmt: skip
+    trial = trial_of(config(tmp_path / "out", objects=raw), "objects", default_store())
+    assert isinstance(trial, Objects)
+    listed = [{"text": "", "objects": ["waste bin", "dragon"]}, {"text": "Two benches? One bench.", "objects": []}]
+    precision, recall = trial.judge(listed, Fake()).more
+    assert (precision.value, recall.value) == (1, pytest.approx(2 / 3))  # a dragon is no class
+    assert trial.judge([None, None], Fake()).figure.value == 0
+    assert trial.controls()["what most images have"][0]["objects"] == ["bench", "litter bin"]
+
+
+def test_losses_are_item_by_item() -> None:
+    figure, loss = judged("f", [1.0, 0.5], [1.0, 1.0])
+    assert (figure.value, loss.value, loss.low) == (0.75, 0.25, 0.0)
+    assert shifted([1, 2, 3]) == [2, 3, 1]
+
+
+def test_sizes_are_those_of_the_files() -> None:
+    store = default_store()
+    expected = (store.manifest("efficientnet-lite0").bytes or 0) / 1e6
+    assert model_mb(TaggerConfig(), store) == pytest.approx(expected)
+    assert model_mb(FakeConfig(), store) is None
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    raw = {"out": str(tmp_path / "out"), "judge": {"kind": "fake"}, "backends": FAKE,
+           "trials": {"search": {"kind": "search", "count": 3, "backends": ["fake"]}}}  # fmt: skip
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(raw))
+    assert run(["compare", "--config", str(tmp_path / "c.yaml"), "--set", "threads=1"]) == 0
+    out = capsys.readouterr().out
+    assert "search (embed): P@1" in out
+    assert "report.md" in out
+
+
+@pytest.mark.parametrize(
+    ("trials", "told"),
+    [
+        ({"s": {"kind": "search", "backends": ["nobody"]}}, "names 'nobody', which is no backend"),
+        ({"d": {"kind": "decisions", "source": "x", "backends": ["fake"], "part": 5}}, "part 5 of 5"),
+        ({"x": {"kind": "cook", "backends": ["fake"]}}, "cook"), ({}, "trials"),
+    ],
+)  # fmt: skip
+def test_configurations_that_cannot_work_are_refused(tmp_path: Path, trials: dict[str, Any], told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
+        config(tmp_path, **trials)
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).parents[2] / "configs" / "compare").glob("*.yaml")))
+def test_shipped_comparisons_parse(path: Path) -> None:
+    text = path.read_text()
+    validate(CompareConfig, yaml.safe_load(text), str(path))
+    assert text.startswith("# erag compare --config configs/compare/")
