@@ -214,7 +214,9 @@ class ExperimentConfig(_Config):
                 _known("systems", table.systems, self.systems)
         for column in (c for t in self.tables for c in t.columns):
             if column.mode not in self.sets[column.set].modes:
-                raise ValueError(f"the column {column.title!r} needs the mode {column.mode!r} of the set {column.set!r}")
+                raise ValueError(
+                    f"the column {column.title!r} needs the mode {column.mode!r} of the set {column.set!r}"
+                )
         for name, system in self.systems.items():
             _known(f"systems.{name}: data", system.data, self.data)
             _known(f"systems.{name}: sets", system.sets, self.sets)

@@ -12,11 +12,17 @@ from erag.experiment.report import Folder
 
 PAGE = "README.md"
 _LINES = 400  # of one run's page that are shown
-_LEFT_OUT = ("## Tests", "## What answers cost", "## With other judges", "## Made with", "## Systems")  # not on the joined page
+_LEFT_OUT = (
+    "## Tests",
+    "## What answers cost",
+    "## With other judges",
+    "## Made with",
+    "## Systems",
+)  # not on the joined page
 
 
 def join(root: Path) -> Path:
-    """Write `root/README.md` from the pages of the runs in the folders of `root`. Raises InputError where there is none."""
+    """Write `root/README.md` from the pages of the runs in the folders of `root`. Raises InputError for none."""
     runs = sorted(p.parent for p in root.glob(f"*/{PAGE}") if Folder(p.parent).config.is_file())
     if not runs:
         raise InputError("no run in it", where=str(root), repair="erag run --config configs/paper/table2.yaml")

@@ -60,7 +60,9 @@ def _version(name: str) -> str | None:
 def _processor() -> str:
     told = Path("/proc/cpuinfo")
     if told.is_file():
-        names = [line.partition(":")[2].strip() for line in told.read_text().splitlines() if line.startswith("model name")]
+        names = [
+            line.partition(":")[2].strip() for line in told.read_text().splitlines() if line.startswith("model name")
+        ]
         if names:
             return names[0]
     return platform.processor() or platform.machine()

@@ -22,7 +22,6 @@ from erag.lm.config import BackendConfig, WriterConfig, build_backend
 from erag.lm.journal import Journal
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Embedder, RoleName
-from erag.lm.sentence import SentenceConfig
 from erag.lm.weights import ModelStore
 from erag.memory.calls import Calls
 from erag.memory.file import MemoryFile
@@ -30,11 +29,6 @@ from erag.retrieve.config import ExpandConfig
 from erag.retrieve.expand import Expander
 
 THINGS = 5  # what a question is expanded to, at most
-
-
-def model_name(config: WriterConfig | SentenceConfig) -> str:
-    """The name of a model's weights: what judges and systems may share."""
-    return str(getattr(config, "model", config.kind))
 
 
 @dataclass
@@ -62,14 +56,12 @@ class Bench:
     def _judge(
         self, name: str, config: JudgeConfig, environment: Environment, expansions: Mapping[str, Sequence[str]]
     ) -> Judge:
-        judge = _Named(self._plain(name, config, environment), name)
+        judge, models = self._plain(name, config, environment), self.config.models(name, self.embedder_name)
         if config.expanded is None:
-            return judge
-        by_model = config.expanded == "model" and self.config.expander is not None
-        by = frozenset({model_name(self.config.expander)}) if by_model and self.config.expander else frozenset()
+            return _Named(judge, name, models)
         kinds = self.config.expand_kinds
         stated = {q.id: tuple(sorted(q.targets or ())) if q.kind in kinds else () for q in environment.questions}
-        return _Named(ExpandedJudge(judge, expansions if by_model else stated, by), name)
+        return _Named(ExpandedJudge(judge, expansions if config.expanded == "model" else stated), name, models)
 
     def _plain(self, name: str, config: JudgeConfig, environment: Environment) -> Judge:
         truths = list(environment.truths.by_node.values())
@@ -78,10 +70,10 @@ class Bench:
         if config.kind == "words":
             return LexicalJudge.over(truths)
         if config.kind == "embedding":
-            return EmbeddingJudge(name, self.embedder, frozenset({self.embedder_name}))
+            return EmbeddingJudge(name, self.embedder)
         if config.model is None:
             raise ValueError(f"the judge {name!r} has no model")
-        return ModelJudge(name, self._journal(config.model, "score"), frozenset({model_name(config.model)}))
+        return ModelJudge(name, self._journal(config.model, "score"))
 
     def _journal(self, config: WriterConfig, role: RoleName) -> Journal:
         """The recorded model of a configuration; judges of one configuration share it."""
@@ -114,7 +106,7 @@ class Bench:
 def bench(
     config: PanelConfig, embedder: Embedder, embedder_name: str, work: Path, store: ModelStore, progress: Progress
 ) -> Iterator[Bench]:
-    """The bench of an experiment; its record of calls is `judges.erag` in the work folder, shared by all experiments."""
+    """The bench of an experiment; its record of calls, `judges.erag` in the work folder, serves all experiments."""
     work.mkdir(parents=True, exist_ok=True)
     with MemoryFile.writing(work / "judges.erag", "erag run", create=True) as memory:
         yield Bench(config, embedder, embedder_name, store, memory.calls, Ledger(), progress)
@@ -122,14 +114,11 @@ def bench(
 
 @dataclass(frozen=True)
 class _Named:
-    """A judge under the name the configuration gives it."""
+    """A judge under the name the configuration gives it, with the weights it rests on."""
 
     judge: Judge
     name: str
-
-    @property
-    def models(self) -> frozenset[str]:
-        return self.judge.models
+    models: frozenset[str]
 
     def probabilities(self, pairs: Sequence[Pair]) -> Floats:
         """See `Judge`."""

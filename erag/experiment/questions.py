@@ -100,12 +100,10 @@ def _sets(config: ExperimentConfig, given: DataConfig, question: Question) -> tu
 
 
 def _fits(raw: Mapping[str, Any], where: Mapping[str, Sequence[str]]) -> bool:
-    return all(str(raw.get(key)) in values for key, values in where.items())
+    return all(str(raw.get(key, "")) in values for key, values in where.items())
 
 
-def _sampled(
-    data: str, environment: str, sets: Mapping[str, tuple[str, ...]], most: int | None, seed: int
-) -> set[str]:
+def _sampled(data: str, environment: str, sets: Mapping[str, tuple[str, ...]], most: int | None, seed: int) -> set[str]:
     if most is None:
         return set(sets)
     kept = set[str]()

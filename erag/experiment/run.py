@@ -15,17 +15,18 @@ from erag.core.errors import ConfigError, InputError
 from erag.core.lockfile import exclusive
 from erag.core.output import replacing
 from erag.core.progress import Progress, quiet
+from erag.data.registry import read
+from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
 from erag.evaluate.scene import Scene
 from erag.evaluate.text import SemanticSimilarity
-from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
 from erag.experiment.agreement import AgreementRow, Tried, agreement_rows, joined, stackable, tried
 from erag.experiment.config import ExperimentConfig, Mode, SystemConfig
-from erag.experiment.judging import TextScored, Voted, texts, voted
+from erag.experiment.judging import Voted, texts, voted
 from erag.experiment.machine import machine
 from erag.experiment.memories import Made, memory
 from erag.experiment.panel import Bench, bench, model_name
-from erag.experiment.predictions import Appender, Prediction, read_predictions, read_records, write_records
-from erag.experiment.questions import Posed, QuestionRecord, chosen, modes_of, posed, record_of
+from erag.experiment.predictions import Appender, Prediction, read_predictions, write_records
+from erag.experiment.questions import Posed, chosen, modes_of, posed, record_of
 from erag.experiment.report import Folder, write_report
 from erag.experiment.sources import Source, environments, prepared
 from erag.experiment.sweep import swept
@@ -37,7 +38,6 @@ from erag.pipeline.config import PipelineConfig
 from erag.pipeline.query import Asker
 from erag.retrieve.config import RetrieveConfig
 from erag.topomap.build import build_map
-from erag.data.registry import read
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from statistics import fmean
 from typing import Any
 
 from erag.core.errors import InputError
-from erag.experiment.config import ColumnConfig, ExperimentConfig, JudgeConfig, PanelConfig
+from erag.experiment.config import ColumnConfig, ExperimentConfig
 from erag.experiment.judging import Voted
 from erag.experiment.markdown import Sheet
 from erag.experiment.predictions import Prediction
@@ -27,7 +27,7 @@ def sensitivity(
 ) -> list[Sheet]:
     """A sheet a data set and column that rests on votes: a row a system, a column a panel. None for a panel of one."""
     columns = {(c.set, c.metric, c.mode): c for t in config.tables for c in t.columns if c.metric in METRICS}
-    panels = _panels(config.panel, set(facts.get("retrieving", ())), votes)
+    panels = _panels(config, set(facts.get("retrieving", ())), votes)
     if len(panels) < 2 or not columns:
         return []
     made = []
@@ -44,21 +44,10 @@ def sensitivity(
     return made
 
 
-def judge_models(judge: JudgeConfig, panel: PanelConfig, similarity: str = "minilm-l6") -> frozenset[str]:
-    """The weights a judge rests on."""
-    named = set[str]()
-    if judge.kind == "embedding":
-        named.add(similarity)
-    if judge.model is not None:
-        named.add(str(getattr(judge.model, "model", judge.model.kind)))
-    if judge.expanded == "model" and panel.expander is not None:
-        named.add(str(getattr(panel.expander, "model", panel.expander.kind)))
-    return frozenset(named)
-
-
-def _panels(panel: PanelConfig, used: set[str], votes: Sequence[Voted]) -> dict[str, Probability]:
+def _panels(config: ExperimentConfig, used: set[str], votes: Sequence[Voted]) -> dict[str, Probability]:
+    panel = config.panel
     names = [name for name in panel.judges if any(name in v.votes for v in votes)]
-    sharing = frozenset(n for n in names if judge_models(panel.judges[n], panel) & used)
+    sharing = frozenset(n for n in names if panel.models(n, config.similarity) & used)
     made: dict[str, Probability] = {"all judges": mean_vote()}
     if sharing and len(sharing) < len(names):
         made[f"without the run's models ({', '.join(sorted(sharing))})"] = mean_vote(sharing)

@@ -52,7 +52,9 @@ def tests_sheet(made: Table) -> list[Sheet]:
         "Paired permutation tests on the questions both were asked, against the flat baseline with the best mean of the "
         "column; Holm's correction over the systems of a column.",
     )
-    return [Sheet(slug(made.title, made.data, "tests"), f"Tests, {made.title}: {made.data}", columns, tuple(rows), notes)]
+    return [
+        Sheet(slug(made.title, made.data, "tests"), f"Tests, {made.title}: {made.data}", columns, tuple(rows), notes)
+    ]
 
 
 def agreement_sheet(rows: Sequence[AgreementRow], facts: Mapping[str, Any]) -> list[Sheet]:

@@ -33,9 +33,7 @@ class Asker:
     `models` are those of another asker of the same `config.backend`, so that several memories share what is loaded.
     """
 
-    def __init__(
-        self, path: Path, config: PipelineConfig, store: ModelStore, models: Metered | None = None
-    ) -> None:
+    def __init__(self, path: Path, config: PipelineConfig, store: ModelStore, models: Metered | None = None) -> None:
         self.path, self._config = path, config
         built = load(path)
         self.models = models or metered(config, store)

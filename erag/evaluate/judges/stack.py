@@ -43,7 +43,7 @@ class Stack(BaseModel):
         return self
 
     def probabilities(self, votes: Votes) -> Floats:
-        """(n,) in [0, 1], NaN where every judge of the stack abstains. Raises InputError for a judge that is missing."""
+        """(n,) in [0, 1], NaN where all its judges abstain. Raises InputError for a judge that is missing."""
         missing = sorted(set(self.judges) - set(votes.judges))
         if missing:
             raise InputError(f"no judge {missing[0]!r}", where="stack", allowed=", ".join(votes.judges))
