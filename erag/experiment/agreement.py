@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict
 
+from erag.core.errors import InputError
 from erag.core.text import content_hash
 from erag.data.contract import QueryLine
 from erag.evaluate.judges.agreement import Agreement, agreement, panel_agreement
@@ -129,24 +130,27 @@ def agreement_rows(
 
 def stackable(votes: Votes, rules: Sequence[str]) -> list[str]:
     """The judges a stack is made of: all that voted but `rules`, which read labels."""
-    cast = ~np.isnan(votes.values).all(axis=0)
-    return [name for name, some in zip(votes.judges, cast, strict=True) if some and name not in rules]
+    silent = [bool(np.isnan(votes.values[:, i]).all()) for i in range(len(votes.judges))]
+    return [name for name, nothing in zip(votes.judges, silent, strict=True) if not nothing and name not in rules]
 
 
 def _stacked(all_pairs: Tried, stack: Stack | None, fitting: Sequence[str]) -> npt.NDArray[np.float64] | None:
     if stack is not None:
         return stack.probabilities(all_pairs.votes)
-    enough = len(set(all_pairs.queries)) >= 2 and all_pairs.labels.any() and not all_pairs.labels.all()
-    if not fitting or not enough:
+    if not fitting:
         return None
-    return cross_stacked(all_pairs.votes, all_pairs.labels, fitting, all_pairs.queries)
+    try:
+        return cross_stacked(all_pairs.votes, all_pairs.labels, fitting, all_pairs.queries)
+    except InputError:  # too few questions to fit one on the others
+        return None
 
 
 def _of_stack(part: Tried, stacked: npt.NDArray[np.float64] | None, top: int) -> list[Agreement]:
     if stacked is None:
         return []
-    asked, made = np.array(part.queries, dtype=np.str_), []
-    for over, kept in (("all", np.ones(len(part.labels), np.bool_)), (f"top {top}", part.places <= top)):
+    asked, made = np.array(part.queries, dtype=np.str_), list[Agreement]()
+    everything = np.ones(len(part.labels), np.bool_)
+    for over, kept in (("all", everything), (f"top {top}", part.places <= top)):
         found = agreement(STACK, over, stacked[kept], part.labels[kept], asked[kept].tolist())
         made.extend([found] if found else [])
     return made

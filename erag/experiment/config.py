@@ -153,6 +153,13 @@ class PanelConfig(_Config):
     fit: bool = False
     agreement: AgreementConfig | None = AgreementConfig()
 
+    def models(self, name: str, similarity: str) -> frozenset[str]:
+        """The weights a judge rests on; `similarity` are those of the experiment's embedder."""
+        judge = self.judges[name]
+        named = {similarity} if judge.kind == "embedding" else set[str]()
+        asked = (judge.model, self.expander if judge.expanded == "model" else None)
+        return frozenset(named | {model_name(model) for model in asked if model is not None})
+
     @model_validator(mode="after")
     def _fits(self) -> PanelConfig:
         asked = [name for name, judge in self.judges.items() if judge.expanded == "model"]
@@ -202,6 +209,7 @@ class ExperimentConfig(_Config):
     panel: PanelConfig = PanelConfig()
     tables: tuple[TableConfig, ...] = ()
     capabilities: bool = False
+    pictures: bool = True
     intervals: Literal["queries", "environments"] = "queries"
     similarity: str = "minilm-l6"
 
@@ -221,6 +229,11 @@ class ExperimentConfig(_Config):
             _known(f"systems.{name}: data", system.data, self.data)
             _known(f"systems.{name}: sets", system.sets, self.sets)
         return self
+
+
+def model_name(config: BaseModel) -> str:
+    """The name of a model's weights, else its kind: what judges and systems may share."""
+    return str(getattr(config, "model", None) or getattr(config, "kind", ""))
 
 
 def _known(what: str, names: Any, known: Any) -> None:

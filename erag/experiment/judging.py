@@ -67,7 +67,7 @@ def voted(
     for prediction in predictions:
         if prediction.question in asked and prediction.kind == "find":
             answered.setdefault(prediction.question, {}).update(dict.fromkeys(h.node for h in prediction.hits))
-    kept = [asked[key] for key in answered if asked[key].question.text]
+    kept = [asked[key] for key in answered]
     if not kept:
         return []
     environment = replace(scene.environment, questions=tuple(q.question for q in kept))

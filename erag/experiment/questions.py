@@ -23,7 +23,8 @@ class QuestionRecord(BaseModel):
 
     `at` is the L it is asked from and `drawn` that the seed chose it; `sensor` the wish asked in modes with S and
     `stated` that the data set states it; `radius_m` is R, `shortest_m` the way to the nearest node that answers,
-    `nearest_m` to the nearest node of all; `relevant` counts labels, None where there are none.
+    `nearest_m` to the nearest node of all; `relevant` counts labels, None where there are none; `worded` says
+    that it has a text, which a panel needs.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -42,6 +43,7 @@ class QuestionRecord(BaseModel):
     nearest_m: float | None = None
     relevant: int | None = None
     golden: bool = False
+    worded: bool = True
 
     @property
     def key(self) -> QuestionKey:
@@ -174,7 +176,7 @@ def record_of(one: Posed, scene: Scene) -> QuestionRecord:
         data=one.data, environment=one.environment, id=one.question.id, kind=one.question.kind, sets=one.sets,
         at=one.at, drawn=one.drawn, sensor=None if one.sensor is None else dict(one.sensor), stated=one.stated,
         radius_m=scene.radius_m, shortest_m=shortest, nearest_m=nearest, relevant=relevant,
-        golden=one.question.golden is not None,
+        golden=one.question.golden is not None, worded=bool(one.question.text),
     )  # fmt: skip
 
 

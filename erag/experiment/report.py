@@ -112,7 +112,7 @@ def write_report(config: ExperimentConfig, folder: Folder) -> None:
     sheets += capabilities(scores, choices.systems) if config.capabilities else []
     sheets += costs(scores, choices.systems)
     sheets += agreement_sheet(material.agreement, material.facts)
-    pictures = draw(config, tables, scores, material.agreement, folder.path)
+    pictures = draw(config, tables, scores, material.agreement, folder.path) if config.pictures else []
     for old in folder.path.glob("*.csv"):
         old.unlink()
     for sheet in sheets:

@@ -1,4 +1,4 @@
-"""One experiment from start to end: memories, answers, judgements, tables; killed at any moment it goes on from there."""
+"""One experiment from start to end: memories, answers, judgements, tables; killed at any moment, it goes on."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
 from erag.evaluate.scene import Scene
 from erag.evaluate.text import SemanticSimilarity
 from erag.experiment.agreement import AgreementRow, Tried, agreement_rows, joined, stackable, tried
-from erag.experiment.config import ExperimentConfig, Mode, SystemConfig
+from erag.experiment.config import ExperimentConfig, Mode, SystemConfig, model_name
 from erag.experiment.judging import Voted, texts, voted
 from erag.experiment.machine import machine
 from erag.experiment.memories import Made, memory
-from erag.experiment.panel import Bench, bench, model_name
+from erag.experiment.panel import Bench, bench
 from erag.experiment.predictions import Appender, Prediction, read_predictions, write_records
 from erag.experiment.questions import Posed, chosen, modes_of, posed, record_of
 from erag.experiment.report import Folder, write_report
@@ -228,8 +228,7 @@ class Experiment:
 
     def _retrieving(self) -> set[str]:
         """The names of the models the systems use."""
-        configs = [pipeline_of(s).backend for s in self.config.systems.values()]
-        return {model_name(c.models[key]) for c in configs for key in c.roles.values()}  # type: ignore[arg-type]
+        return {name for system in self.config.systems.values() for name in _models_of(system)}
 
     def _write_facts(self, grounds: Sequence[Ground]) -> None:
         judges = [j.model for j in self.config.panel.judges.values() if j.model is not None]
@@ -250,7 +249,7 @@ class Experiment:
 
 def _models_of(system: SystemConfig) -> set[str]:
     backend = pipeline_of(system).backend
-    return {model_name(backend.models[key]) for key in backend.roles.values()}  # type: ignore[arg-type]
+    return {model_name(backend.models[key]) for key in backend.roles.values()}
 
 
 def _taken(holder: str) -> InputError:

@@ -73,9 +73,9 @@ def _values(
     if prediction.kind == "explain":
         return values
     answers = [(place, _pair(pairs, question.key, place.node)) for place in prediction.answers]
-    values |= answer_scores(
-        [_answered(place, pair, probability, question) for place, pair in answers], _ground(question)
-    )
+    if question.worded:
+        voted = [_answered(place, pair, probability, question) for place, pair in answers]
+        values |= answer_scores(voted, _ground(question))
     if question.relevant:
         values |= ranking_scores([place.node for place, _ in answers], _relevant(answers, question.relevant))
     return values | _held(prediction, question)

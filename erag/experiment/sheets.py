@@ -49,8 +49,8 @@ def tests_sheet(made: Table) -> list[Sheet]:
         return []
     columns = ("column", "system", "best flat", "difference", "95 %", "p", "Holm", "wins / ties / losses")
     notes = (
-        "Paired permutation tests on the questions both were asked, against the flat baseline with the best mean of the "
-        "column; Holm's correction over the systems of a column.",
+        "Paired permutation tests on the questions both were asked, against the flat baseline with the best mean of "
+        "the column; Holm's correction over the systems of a column.",
     )
     return [
         Sheet(slug(made.title, made.data, "tests"), f"Tests, {made.title}: {made.data}", columns, tuple(rows), notes)
@@ -70,8 +70,8 @@ def agreement_sheet(rows: Sequence[AgreementRow], facts: Mapping[str, Any]) -> l
     ]  # fmt: skip
     columns = ("data", "kind", "over", "judge", "pairs", "right", "abstained", "AUC", "AUC by query", "Brier", "ECE")
     notes = (
-        "Over `all` pairs (the head of each ranking and nodes drawn beside it), and over the head alone, which is what a "
-        "panel judges. `*`: a model that the systems of this run use, too.",
+        "Over `all` pairs (the head of each ranking and nodes drawn beside it), and over the head alone, which is what "
+        "a panel judges. `*`: a model that the systems of this run use, too.",
     )
     return [Sheet("agreement", "The panel against labels", columns, tuple(table), notes)]
 

@@ -51,7 +51,7 @@ def environments(name: str, config: DataConfig) -> Dataset:
 def prepared(
     data: str, config: DataConfig, environment: Environment, work: Path, store: ModelStore, progress: Progress
 ) -> Source:
-    """The observation folder of an environment, made once for each content. Images are left out: captions stand for them.
+    """The observation folder of an environment, made once for each content. Images are left out.
 
     Raises InputError for a source that cannot be read, and where every image of a captioner is broken.
     """

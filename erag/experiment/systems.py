@@ -1,4 +1,4 @@
-"""Systems that can be asked: a preset over a memory, or Naive-RAG over the same map; one prediction a question and mode."""
+"""Systems that can be asked: a preset over a memory, or Naive-RAG over the same map."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Loaded:
 
 def identities(models: Metered) -> dict[str, str]:
     """What plays each role that has a model: the identities that judges may not share."""
-    found = {}
+    found: dict[str, str] = {}
     for role in ROLES:
         try:
             found[role] = models.fingerprint(role)

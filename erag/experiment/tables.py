@@ -1,4 +1,4 @@
-"""Tables of an experiment: a mean with its interval and n in each cell, and paired tests against the best flat baseline."""
+"""Tables of an experiment: means with intervals and n, and paired tests against the best flat baseline."""
 
 from __future__ import annotations
 
