@@ -23,6 +23,7 @@ class Capability:
     holds: Check
     seen: Seen
     explain: bool = False
+    needs: str = "seconds"  # the metric without which an answer says nothing of it
 
 
 def capabilities(scores: Sequence[Scored], systems: Sequence[str]) -> list[Sheet]:
@@ -39,6 +40,7 @@ def capabilities(scores: Sequence[Scored], systems: Sequence[str]) -> list[Sheet
 
 def _cell(one: Capability, scores: Sequence[Scored]) -> str:
     asked = [s for s in scores if s.prediction.mode == one.mode and (s.prediction.kind == "explain") == one.explain]
+    asked = [s for s in asked if one.needs in s.values]
     alone = [s for s in scores if s.prediction.mode == "Q" and s.prediction.kind == "find"]
     if not asked:
         return ""
@@ -111,7 +113,7 @@ def _text(one: Scored) -> bool:
 
 CAPABILITIES = (
     Capability("P(A|Q)", "Q", "the first answer has a semantic score", _all_hits("semantic"), _quiet),
-    Capability("P(A|L)", "L", "the first answer is the nearest node", _metric("nearest@1"), _quiet),
+    Capability("P(A|L)", "L", "the first answer is the nearest node", _metric("nearest@1"), _quiet, needs="nearest@1"),
     Capability("P(A|L,Q)", "Q,L", "it has a semantic and a spatial score", _all_hits("semantic", "spatial"), _nearer),
     Capability("P(A|S,Q)", "Q,S", "it has a semantic and a sensor score", _all_hits("semantic", "sensor"), _lower),
     Capability("P(A|S,L,Q)", "Q,L,S", "it has all three", _all_hits("semantic", "spatial", "sensor"), _lower),

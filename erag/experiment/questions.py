@@ -23,7 +23,7 @@ class QuestionRecord(BaseModel):
 
     `at` is the L it is asked from and `drawn` that the seed chose it; `sensor` the wish asked in modes with S and
     `stated` that the data set states it; `radius_m` is R, `shortest_m` the way to the nearest node that answers,
-    `nearest_m` to the nearest node of all; `relevant` counts labels, None where there are none; `worded` says
+    `nearest_m` to the nearest node of all, unless it asks for a time; `relevant` counts labels, None where there are none; `worded` says
     that it has a text, which a panel needs.
     """
 
@@ -171,7 +171,9 @@ def record_of(one: Posed, scene: Scene) -> QuestionRecord:
     relevant = None if one.question.relevant is None else len(on_map)
     shortest = shortest_path(scene.topomap, scene.distances, at, on_map) if at is not None and on_map else None
     everything = list(scene.topomap.row)
-    nearest = float(paths(scene.topomap, scene.distances, at, everything).metres.min()) if at and everything else None
+    windowed = any((one.question.line.raw or {}).get(key) is not None for key in ("since", "until"))
+    near = None if at is None or windowed or not everything else paths(scene.topomap, scene.distances, at, everything)
+    nearest = None if near is None else float(near.metres.min())
     return QuestionRecord(
         data=one.data, environment=one.environment, id=one.question.id, kind=one.question.kind, sets=one.sets,
         at=one.at, drawn=one.drawn, sensor=None if one.sensor is None else dict(one.sensor), stated=one.stated,

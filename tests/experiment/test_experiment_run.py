@@ -190,7 +190,7 @@ def test_capabilities_are_read_off_a_run(work: Path, tmp_path: Path) -> None:
     assert {"P(A|Q)", "P(A|L)", "text", "waypoint", "path"} <= rows
     page = (tmp_path / "run" / "README.md").read_text()
     nearest = next(line for line in page.splitlines() if line.startswith("| P(A\\|L) |"))
-    assert "4 of 4" in nearest
+    assert "3 of 3" in nearest  # the fourth asks for a time
 
 
 def test_a_sweep_is_a_system_a_value_and_has_curves(work: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from scipy.special import expit, logit
 from erag.core.errors import InputError
 from erag.evaluate.judges.protocol import Floats, Votes
 
-_EDGE = 1e-3  # votes of 0 and 1 have a logit of about ±7
+_EDGE = 0.02  # votes of 0 and 1 have a logit of about ±4: a rule's certainty must not drown the others
 RIDGE = 1e-2  # of the mean loss: columns that say the same share their weight
 Labels = npt.NDArray[np.bool_]
 
