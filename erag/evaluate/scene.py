@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from erag.core.geometry import distance
 from erag.core.types import Pose, TopoMap
 from erag.evaluate.answers import Answered, Ground, QueryScore, answer_scores, ranking_scores
 from erag.evaluate.dataset import Environment, Question
@@ -28,6 +29,14 @@ class Scene:
         stated = environment.radius_m
         r = radius(topomap) if stated is None else stated
         return cls(environment, topomap, distances or Router(topomap), r)
+
+    def pose(self, at: Sequence[float]) -> Pose:
+        """A position (x, y[, z]) of the map's frame; without z on the height of the nearest node."""
+        x, y = at[0], at[1]
+        if len(at) > 2:
+            return Pose(x, y, at[2])
+        flat = self.topomap.positions * (1, 1, 0)
+        return Pose(x, y, float(self.topomap.positions[distance(self.topomap.frame, flat, (x, y, 0)).argmin(), 2]))
 
     def score(
         self, question: Question, nodes: Sequence[str], probabilities: Sequence[float], at: Pose | None = None

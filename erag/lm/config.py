@@ -45,6 +45,8 @@ ModelConfig = Annotated[
     SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | OpenAIRoles | ReplayConfig | FakeConfig,
     Field(discriminator="kind"),
 ]
+# What writes and judges text: every kind of model that generates and scores.
+WriterConfig = Annotated[LlamaCppRoles | TorchLMRoles | FakeConfig, Field(discriminator="kind")]
 _LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]] = {
     SentenceConfig: SentenceEmbedder,
     TaggerConfig: Tagger,

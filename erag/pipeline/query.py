@@ -36,13 +36,16 @@ from erag.topomap.routes import Router
 
 
 class Asker:
-    """A memory that answers: its corpus, retriever, routes and models, loaded once."""
+    """A memory that answers: its corpus, retriever, routes and models, loaded once.
 
-    def __init__(self, path: Path, config: PipelineConfig, store: ModelStore) -> None:
+    `models` are those of another asker of the same `config.backend`, so that several memories share what is loaded.
+    """
+
+    def __init__(self, path: Path, config: PipelineConfig, store: ModelStore, models: Metered | None = None) -> None:
         self.path, self._config = path, config
         built = load(path)
-        self.ledger = Ledger()
-        self._backend = Metered(build_backend(config.backend, store, self.ledger), self.ledger)
+        self.models = models or metered(config, store)
+        self.ledger, self._backend = self.models.ledger, self.models
         self._warm: set[RoleName] = set()
         _check_embedder(path, built, self._backend.identity("embed"))
         self.corpus, self.notes = built.corpus, built.stale
@@ -143,6 +146,12 @@ class Asker:
         if query.text is None or not self.corpus.searchable.any():
             return np.zeros(self.corpus.node_vectors.shape[1], np.float32)
         return np.asarray(self._backend.embed([query.text], "query")[0])
+
+
+def metered(config: PipelineConfig, store: ModelStore) -> Metered:
+    """The models of a configuration, none loaded yet, and the ledger that counts what they do."""
+    ledger = Ledger()
+    return Metered(build_backend(config.backend, store, ledger), ledger)
 
 
 _WARM = "warm up"

@@ -9,7 +9,7 @@ from pathlib import Path
 from erag.core.errors import InputError
 from erag.data.jsonl import OBSERVATIONS
 from erag.data.registry import read
-from erag.evaluate.dataset import Dataset, Environment, questions, required
+from erag.evaluate.dataset import Dataset, Environment, Question, questions, required
 from erag.evaluate.truth import Truths
 from erag.evaluate.truthfiles import object_nodes, read_truth
 
@@ -50,4 +50,11 @@ def _environment(world: Path, truth: Path, shared: Path) -> Environment:
     images = {o.id: world / o.image for o in nodes if o.image is not None}
     seen = {n: replace(t, image=t.image or images.get(n)) for n, t in known.nodes.items()}
     found = object_nodes(nodes) | seen
-    return Environment(world.name, world, asked, Truths(found), split=known.split or "test")
+    return Environment(world.name, world, tuple(map(_targeted, asked)), Truths(found), split=known.split or "test")
+
+
+def _targeted(question: Question) -> Question:
+    """The simulator joins the classes that satisfy a question by `or`."""
+    if question.targets is None:
+        return question
+    return replace(question, targets=frozenset(part for target in question.targets for part in target.split(" or ")))

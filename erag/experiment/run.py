@@ -1,0 +1,256 @@
+"""One experiment from start to end: memories, answers, judgements, tables; killed at any moment, it goes on."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from erag.core.errors import ConfigError, InputError
+from erag.core.lockfile import exclusive
+from erag.core.output import replacing
+from erag.core.progress import Progress, quiet
+from erag.data.registry import read
+from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
+from erag.evaluate.scene import Scene
+from erag.evaluate.text import SemanticSimilarity
+from erag.experiment.agreement import AgreementRow, Tried, agreement_rows, joined, stackable, tried
+from erag.experiment.config import ExperimentConfig, Mode, SystemConfig, model_name
+from erag.experiment.judging import Voted, texts, voted
+from erag.experiment.machine import machine
+from erag.experiment.memories import Made, memory
+from erag.experiment.panel import Bench, bench
+from erag.experiment.predictions import Appender, Prediction, read_predictions, write_records
+from erag.experiment.questions import Posed, chosen, modes_of, posed, record_of
+from erag.experiment.report import Folder, write_report
+from erag.experiment.sources import Source, environments, prepared
+from erag.experiment.sweep import swept
+from erag.experiment.systems import Asked, Loaded, pipeline_of
+from erag.lm.config import BackendConfig, build_backend
+from erag.lm.sentence import SentenceConfig
+from erag.lm.weights import ModelStore
+from erag.pipeline.config import PipelineConfig
+from erag.pipeline.query import Asker
+from erag.retrieve.config import RetrieveConfig
+from erag.topomap.build import build_map
+
+
+@dataclass(frozen=True)
+class Ground:
+    """An environment ready to be asked about: its source, its own map, and the questions."""
+
+    source: Source
+    scene: Scene
+    questions: tuple[Posed, ...]
+
+
+class Experiment:
+    """A configuration, its run folder `out`, and what is loaded on the way."""
+
+    def __init__(self, config: ExperimentConfig, out: Path, store: ModelStore, progress: Progress = quiet) -> None:
+        self.config = swept(config) if config.sweep is not None else config
+        self.folder, self._store, self._progress = Folder(out), store, progress
+        self._loaded, self._made = Loaded(store), dict[tuple[str, str, str], Made]()
+        self.asked_now = 0
+
+    def run(self, again: Sequence[str] = ()) -> None:
+        """Everything. `again` names systems whose answers are asked anew.
+
+        Raises InputError while another process runs in the same folder, and for data or configurations that are wrong.
+        """
+        self.folder.path.mkdir(parents=True, exist_ok=True)
+        with exclusive(self.folder.path / ".lock", "erag run", _taken):
+            self._write_config()
+            grounds = list(self._grounds())
+            predictions = self._answers(grounds, again)
+            self._judge(grounds, predictions)
+            self._write_facts(grounds)
+            write_report(self.config, self.folder)
+
+    def tables(self) -> None:
+        """The tables anew, from what lies in the run's folder. Raises InputError where nothing was asked yet."""
+        if not self.folder.predictions.is_file():
+            raise InputError("nothing was asked yet", where=str(self.folder.path), repair="run without --tables-only")
+        write_report(self.config, self.folder)
+
+    def _write_config(self) -> None:
+        with replacing(self.folder.config) as file:
+            yaml.safe_dump(self.config.model_dump(mode="json"), file, sort_keys=False, allow_unicode=True, width=120)
+
+    def _grounds(self) -> Iterator[Ground]:
+        for data, given in self.config.data.items():
+            found = environments(data, given).environments
+            for i, environment in enumerate(found):
+                self._progress(f"{data}: maps", i, len(found))
+                source = prepared(data, given, environment, self.config.work, self._store, self._progress)
+                reading = read(source.folder)
+                topomap, _ = build_map(reading.frame, reading.observations, reading.edges, PipelineConfig().map)
+                scene = Scene.of(environment, topomap)
+                yield Ground(source, scene, tuple(posed(data, self.config, scene)))
+            self._progress(f"{data}: maps", len(found), len(found))
+
+    def _memory(self, ground: Ground, config: PipelineConfig) -> Made:
+        given = self.config.data[ground.source.data].forest == "given"
+        key = (ground.source.digest, config.model_dump_json(exclude={"retrieve", "answer"}), str(given))
+        if key not in self._made:
+            work, store = self.config.work, self._store
+            self._made[key] = memory(ground.source, config, given, work, store, self._progress)
+        return self._made[key]
+
+    def _answers(self, grounds: Sequence[Ground], again: Sequence[str]) -> list[Prediction]:
+        """Ask what was not asked yet; answers of another configuration go to the work folder."""
+        unknown = sorted(set(again) - set(self.config.systems))
+        if unknown:
+            raise ConfigError(f"no system {unknown[0]!r}", where="--again", allowed=", ".join(self.config.systems))
+        write_records(self.folder.questions, [record_of(q, g.scene) for g in grounds for q in g.questions])
+        known = {p.key: p for p in read_predictions(self.folder.predictions) if p.system not in again}
+        due, kept = list[tuple[Asked, Posed, Mode]](), list[Prediction]()
+        for asked, question, mode in self._due(grounds):
+            line = question.line(mode)
+            if line is None:
+                continue
+            prediction = known.get((asked.name, *question.key, mode))
+            if prediction is not None and prediction.fingerprint == asked.fingerprint(line):
+                kept.append(prediction)
+            else:
+                due.append((asked, question, mode))
+        self._set_aside(known.values(), kept)
+        totals, done = Counter(asked.name for asked, _, _ in due), Counter[str]()
+        with Appender(self.folder.predictions) as file:
+            for asked, question, mode in due:
+                file.add(self._predicted(asked, question, mode))
+                done[asked.name] += 1
+                self.asked_now += 1
+                self._progress(asked.name, done[asked.name], totals[asked.name])
+        return read_predictions(self.folder.predictions)
+
+    def _predicted(self, asked: Asked, question: Posed, mode: Mode) -> Prediction:
+        line = question.line(mode)
+        if line is None:
+            raise ValueError(f"{question.key} cannot be asked as {mode}")
+        first = mode == modes_of(question, self.config.sets)[0]
+        return asked.predict(question, mode, line, first)
+
+    def _due(self, grounds: Sequence[Ground]) -> Iterator[tuple[Asked, Posed, Mode]]:
+        """Every system, environment, question and mode, in this order."""
+        everything = [q for g in grounds for q in g.questions]
+        for name, system in self.config.systems.items():
+            wanted = {q.key for q in chosen(everything, system, self.config.seed)}
+            for ground in grounds:
+                questions = [q for q in ground.questions if q.key in wanted]
+                if questions:
+                    made = self._memory(ground, pipeline_of(system))
+                    asked = Asked(name, system, made, ground.scene, self._loaded, self.config.top)
+                    yield from ((asked, q, m) for q in questions for m in self._modes(q, system))
+
+    def _modes(self, question: Posed, system: SystemConfig) -> list[Mode]:
+        sets = tuple(s for s in question.sets if not system.sets or s in system.sets)
+        return modes_of(replace(question, sets=sets), self.config.sets)
+
+    def _set_aside(self, known: Iterable[Prediction], kept: Sequence[Prediction]) -> None:
+        """Keep in the file what answers this configuration; the rest is kept beside the memories, not thrown away."""
+        stays = {p.key for p in kept}
+        stale = [p for p in known if p.key not in stays]
+        if stale:
+            with Appender(self.config.work / "stale" / f"{self.folder.path.name}.jsonl") as file:
+                for prediction in stale:
+                    file.add(prediction)
+        write_records(self.folder.predictions, kept)
+
+    def _judge(self, grounds: Sequence[Ground], predictions: Sequence[Prediction]) -> None:
+        stack = None if self.config.panel.stack is None else read_stack(self.config.panel.stack)
+        embedder = build_backend(self._similarity(), self._store)
+        work, similarity = self.config.work, self.config.similarity
+        with bench(self.config.panel, embedder, similarity, work, self._store, self._progress) as seated:
+            rows = self._agree(grounds, seated, stack)
+            write_records(self.folder.agreement, rows)
+            votes = list(self._votes(grounds, predictions, seated, stack))
+        write_records(self.folder.votes, votes)
+        measure = SemanticSimilarity(similarity, embedder, retrieves=similarity in self._retrieving())
+        every = {q.key: q for g in grounds for q in g.questions}
+        write_records(self.folder.texts, texts(predictions, every, measure))
+
+    def _similarity(self) -> BackendConfig:
+        if self.config.similarity == "fake":
+            return BackendConfig.model_validate({"models": {"ss": {"kind": "fake"}}, "roles": {"embed": "ss"}})
+        return BackendConfig(models={"ss": SentenceConfig(model=self.config.similarity)}, roles={"embed": "ss"})
+
+    def _votes(
+        self, grounds: Sequence[Ground], predictions: Sequence[Prediction], seated: Bench, stack: Stack | None
+    ) -> Iterator[Voted]:
+        for i, ground in enumerate(grounds):
+            self._progress("judge", i, len(grounds))
+            yield from voted(predictions, ground.questions, ground.scene, seated, stack)
+        self._progress("judge", len(grounds), len(grounds))
+
+    def _agree(self, grounds: Sequence[Ground], seated: Bench, stack: Stack | None) -> list[AgreementRow]:
+        config = self.config.panel.agreement
+        if config is None:
+            return []
+        rows, fitting = list[AgreementRow](), list[Tried]()
+        rules = [name for name, judge in self.config.panel.judges.items() if judge.kind == "labels"]
+        for data in self.config.data:
+            pairs = [found for g in grounds if g.source.data == data and (found := self._tried(g, grounds, seated))]
+            if pairs:
+                whole = joined(pairs)
+                names = stackable(whole.votes, rules)
+                rows += agreement_rows(data, whole, config.top, stack, names if len(names) > 1 else ())
+                fitting.append(whole)
+        if self.config.panel.fit and fitting:
+            whole = joined(fitting)
+            where = ", ".join(f"{d} ({c.split or 'all splits'})" for d, c in self.config.data.items())
+            stackable_names = stackable(whole.votes, rules)
+            fit_stack(whole.votes, whole.labels, stackable_names, whole.queries, where).save(self.folder.stack)
+        return rows
+
+    def _tried(self, ground: Ground, grounds: Sequence[Ground], seated: Bench) -> Tried | None:
+        """The labelled pairs of an environment: its share of the questions the panel is tried on."""
+        config = self.config.panel.agreement
+        if config is None:
+            return None
+        every = [q for g in grounds for q in g.questions if q.question.relevant and q.question.text]
+        sample = chosen(every, SystemConfig(queries=config.questions), self.config.seed)
+        wanted = {q.key for q in sample}
+        questions = [q for q in ground.questions if q.key in wanted]
+        if not questions:
+            return None
+        system = next(iter(self.config.systems.values()), SystemConfig())
+        pipeline = pipeline_of(system)
+        ranking = RetrieveConfig.model_validate({"retriever": {"kind": config.ranking}})
+        pipeline = pipeline.model_copy(update={"retrieve": ranking})
+        asker = Asker(self._memory(ground, pipeline).path, pipeline, self._store, self._loaded.models(pipeline))
+        return tried(asker, ground.scene, questions, seated, config, self.config.seed)
+
+    def _retrieving(self) -> set[str]:
+        """The names of the models the systems use."""
+        return {name for system in self.config.systems.values() for name in _models_of(system)}
+
+    def _write_facts(self, grounds: Sequence[Ground]) -> None:
+        judges = [j.model for j in self.config.panel.judges.values() if j.model is not None]
+        models = self._retrieving() | {self.config.similarity} | {model_name(m) for m in judges}
+        used = {n: sorted(_models_of(s)) for n, s in self.config.systems.items()}
+        facts: dict[str, Any] = {
+            **machine(models, self._store), "seed": self.config.seed, "systems": used,
+            "retrieving": sorted(self._retrieving()),
+            "data": {g.source.environment.name: {"data": g.source.data, "digest": g.source.digest,
+                                                 "nodes": len(g.scene.topomap), "questions": len(g.questions),
+                                                 "radius_m": round(g.scene.radius_m, 2)} for g in grounds},
+            "memories": {m.path.name: {k: round(v, 3) for k, v in m.cost.items()} for m in self._made.values()},
+        }  # fmt: skip
+        with replacing(self.folder.facts) as file:
+            json.dump(facts, file, indent=1, ensure_ascii=False)
+            file.write("\n")
+
+
+def _models_of(system: SystemConfig) -> set[str]:
+    backend = pipeline_of(system).backend
+    return {model_name(backend.models[key]) for key in backend.roles.values()}
+
+
+def _taken(holder: str) -> InputError:
+    return InputError(f"another run is at work in it ({holder})", where="erag run", repair="wait for it, or --out NEW")
