@@ -12,6 +12,7 @@ from erag.compare.reference import cloud_caption
 from erag.compare.trial import Figure, Judgement, Outputs, drawn, each, judged, shifted
 from erag.core.text import words
 from erag.data.registry import read
+from erag.evaluate.naming import counted, micro
 from erag.evaluate.text import GENERIC, Golden, SemanticSimilarity
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Caption, Embedder, LMBackend, RoleName
@@ -67,13 +68,11 @@ class Objects:
         return {"what most images have": [{"text": "", "objects": often} for _ in self.items]}
 
     def judge(self, outputs: Outputs, embedder: Embedder) -> Judgement:
-        from erag.study.quality import counted, measured
-
         del embedder
         classes = self.items[0]["classes"]
         said = [self._named(output, classes) for output in outputs]
         counts = counted(said, [frozenset(item["seen"]) for item in self.items], classes)
-        parts = measured(counts.sum(axis=1), _RESAMPLES)
+        parts = micro(counts.sum(axis=1), _RESAMPLES)
         names = ("precision", "recall", "object F1")
         precision, recall, f1 = (Figure(n, m.value, m.low, m.high) for n, m in zip(names, parts, strict=True))
         loss = Figure("loss", 1 - f1.value, 1 - f1.high, 1 - f1.low)

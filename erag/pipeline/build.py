@@ -136,7 +136,7 @@ def _make(work: _Work, looked: Looked, resolved: str) -> tuple[str, ...]:
         "summary_places": _summaries(memory, backend, forest),
         **_structure(topomap, forest),
     }
-    if describer is not None and not given:
+    if describer is not None and not work.given:
         forest = with_readings(topomap, forest)
     new = Generation(
         memory.observations.revision, resolved, backend.identity("embed"),
