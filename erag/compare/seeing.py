@@ -74,7 +74,7 @@ class Objects:
         counts = counted(said, [frozenset(item["seen"]) for item in self.items], classes)
         parts = micro(counts.sum(axis=1), _RESAMPLES)
         names = ("precision", "recall", "object F1")
-        precision, recall, f1 = (Figure(n, m.value, m.low, m.high) for n, m in zip(names, parts, strict=True))
+        precision, recall, f1 = (Figure(n, m.mean, m.low, m.high) for n, m in zip(names, parts, strict=True))
         loss = Figure("loss", 1 - f1.value, 1 - f1.high, 1 - f1.low)
         return Judgement(f1, loss, (precision, recall))
 

@@ -154,7 +154,8 @@ def _resolved(config: PipelineConfig, given: bool, seen: str) -> str:
     """
     build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster", "seen": seen}
     return json.dumps(
-        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "aware", "answer"})}, sort_keys=True
+        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "aware", "answer"})},
+        sort_keys=True,
     )
 
 
