@@ -137,7 +137,13 @@ class Things:
     def _name(self, spoken: Name) -> Name:
         """The name of the thing in a phrase, without what merely describes it; empty for what is no thing."""
         head = spoken[-1]
-        if head in _SURROUNDINGS or head in lex.PLACES or head in lex.SEASONS or head in lex.WEATHER or head in lex.LIGHT:
+        if (
+            head in _SURROUNDINGS
+            or head in lex.PLACES
+            or head in lex.SEASONS
+            or head in lex.WEATHER
+            or head in lex.LIGHT
+        ):
             return ()
         if head in lex.ATTRIBUTES or len(head) < 3:
             return ()

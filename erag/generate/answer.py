@@ -61,21 +61,34 @@ class Answerer:
         self._scopes, self._enough, self._views = Scopes(corpus, regions), Sufficiency(corpus), Views(corpus)
         self._focus = Focus(corpus, lambda texts: self._writing.embed(texts, "document"))
 
-    def answer(self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible) -> Answer:
+    def answer(
+        self,
+        query: Query,
+        vector: Vectors,
+        hits: tuple[Hit, ...],
+        eligible: Eligible,
+        probability: float | None = None,
+    ) -> Answer:
         """The answer to `query`, whose text has the vector (d,), from its hits, best first.
 
-        `eligible` (n,) are the nodes that may answer it. Raises BadModelOutput for a text that is not of its schema.
+        `eligible` (n,) are the nodes that may answer it; `probability` is that of the most relevant one, where known.
+        Raises BadModelOutput for a text that is not of its schema.
         """
-        return self.answer_scoped(query, vector, hits, eligible)[0]
+        return self.answer_scoped(query, vector, hits, eligible, probability)[0]
 
     def answer_scoped(
-        self, query: Query, vector: Vectors, hits: tuple[Hit, ...], eligible: Eligible
+        self,
+        query: Query,
+        vector: Vectors,
+        hits: tuple[Hit, ...],
+        eligible: Eligible,
+        probability: float | None = None,
     ) -> tuple[Answer, Told | None]:
         """The answer as `answer` gives it, and what an explanation speaks of."""
         kind = decide_kind(query)
         if not hits:
             return Answer(kind, NOTHING, reason="no observation fits the question and its conditions"), None
-        if query.text is not None and self._too_little(kind, query.text, vector, eligible):
+        if query.text is not None and self._too_little(kind, query.text, vector, eligible, probability):
             return Answer(kind, NOTHING, reason="nothing that was seen comes near to what is asked for"), None
         if kind == "find":
             return self._find(query, vector, hits), None
@@ -92,11 +105,15 @@ class Answerer:
         waypoint = Waypoint(node.id, self._corpus.topomap.frame, node.pose.xyz, node.pose.yaw)
         return Answer("find", f"{found.text} Go to {node.id}{_way(route)}.", found.reason, waypoint, route, ids[:1])
 
-    def too_little(self, query: Query, vector: Vectors, eligible: Eligible) -> bool:
+    def too_little(self, query: Query, vector: Vectors, eligible: Eligible, probability: float | None = None) -> bool:
         """Whether the nodes `eligible` (n,) hold too little that comes near to a query with the vector (d,)."""
-        return query.text is not None and self._too_little("find", query.text, vector, eligible)
+        return query.text is not None and self._too_little("find", query.text, vector, eligible, probability)
 
-    def _too_little(self, kind: QueryKind, text: str, vector: Vectors, eligible: Eligible) -> bool:
+    def _too_little(
+        self, kind: QueryKind, text: str, vector: Vectors, eligible: Eligible, probability: float | None
+    ) -> bool:
+        if kind == "find" and probability is not None:
+            return probability < self._config.least_probability
         least = self._config.least_evidence if kind == "find" else self._config.least_explained
         return least > 0 and self._enough.evidence(text, vector, eligible) < least
 

@@ -23,6 +23,7 @@ class AnswerConfig(BaseModel):
 
     reason: Literal["quote", "written"] = "quote"
     explain: Literal["quotes", "written"] = "quotes"
+    least_probability: Share = 0.3
     least_evidence: Share = 0.3
     least_explained: Share = 0.2
     facts: Annotated[int, Field(ge=0, le=24)] = 6

@@ -31,7 +31,7 @@ from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
 from erag.pipeline.load import Built, load
 from erag.retrieve.config import TreeConfig
-from erag.retrieve.engine import Retriever
+from erag.retrieve.engine import Found, Retriever
 from erag.topomap.routes import Router
 
 
@@ -86,7 +86,7 @@ class Asker:
         plain = replace(read.query, kind=decide_kind(query))
         vector = self._vector(plain)
         found = self._retriever.retrieve([plain], vector[None, :])[0]
-        answer, hits = self._answered(query.text or "", read, plain, vector, found.hits)
+        answer, hits = self._answered(query.text or "", read, plain, vector, found)
         seconds = time.perf_counter() - start
         made = {"embed": 0, **(self.ledger.calls - calls)}
         fallbacks = (f"{event}: {n}" for event, n in sorted((self.ledger.events - events).items()))
@@ -94,15 +94,15 @@ class Asker:
         return Result(query.id, hits, answer, seconds, found.visited, made, notes)
 
     def _answered(
-        self, text: str, read: Read, query: Query, vector: Vectors, hits: tuple[Hit, ...]
+        self, text: str, read: Read, query: Query, vector: Vectors, found: Found
     ) -> tuple[Answer, tuple[Hit, ...]]:
         """The answer, and the hits with those first that a question about the past rests on."""
-        eligible = self._retriever.eligible(query)
+        eligible, hits, probability = self._retriever.eligible(query), found.hits, found.probability
         recalled = self._memories.recall(text, read, eligible)
-        if recalled is None and hits and not self._answerer.too_little(query, vector, eligible):
+        if recalled is None and hits and not self._answerer.too_little(query, vector, eligible, probability):
             recalled = self._memories.nearest(read, hits)
         if recalled is None:
-            answer, scope = self._answerer.answer_scoped(query, vector, hits, eligible)
+            answer, scope = self._answerer.answer_scoped(query, vector, hits, eligible, probability)
             return self._telling.told(answer, read, scope), hits
         answer = self._answerer.recalled(query, recalled)
         return self._telling.told(answer, read), self._retriever.led(hits, recalled.rows, query.top)

@@ -20,7 +20,7 @@ from erag.retrieve.expand import Expander
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
-from erag.retrieve.searches import asks_models, search_of
+from erag.retrieve.searches import asks_models, gives_probabilities, search_of
 from erag.retrieve.tree import ClusterJudge
 
 _BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) arrays
@@ -28,11 +28,15 @@ _BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) a
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Hits, best first and unique; how many tree nodes and leaves were scored; what a user should know about it."""
+    """Hits, best first and unique; how many tree nodes and leaves were scored; what a user should know about it.
+
+    `probability` is that of the most relevant node, wherever it is; None where the retriever's scores are none.
+    """
 
     hits: tuple[Hit, ...]
     visited: int = 0
     notes: tuple[str, ...] = ()
+    probability: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +162,13 @@ class Retriever:
             ranked, visited = self._rank(query, reached.rows[order], semantic), reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
         looked = [f"also looked for: {', '.join(read.things)}"] if read and read.things else []
-        return Found(hits, visited, (*looked, *self._map_notes(query, bool(hits)), *_hit_notes(query, ranked)))
+        notes = (*looked, *self._map_notes(query, bool(hits)), *_hit_notes(query, ranked))
+        return Found(hits, visited, notes, self._probability(read))
+
+    def _probability(self, read: _Read | None) -> float | None:
+        if read is None or not gives_probabilities(self._config):
+            return None
+        return float(read.reached.scores.max(initial=0.0))
 
     def _rank(self, query: Query, rows: IntArray, semantic: Floats | None) -> _Ranked:
         """The best `top` of candidates `rows` (r,); equal scores go by distance, where it counts, then by row."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,31 @@ SIDES = ("north", "east", "south", "west")
 LARGE = 2.2  # metres: what is wider does not go into a room
 
 
-def studio_scene(number: int, seed: int) -> Scene:
+def studio_scene(number: int, seed: int, *, painted: bool = False) -> Scene:
     """A scene of its own for each number: one in three is a suite of rooms, the others are open ground.
 
-    Objects have the looks of training worlds. Places have no kind.
+    Objects have the looks of training worlds; `painted` ones any colour but those that held-out worlds keep for their
+    class. Places have no kind.
     """
-    rng = generator(seed, "studio", number)
-    return validated(Scene, _rooms(rng) if number % 3 == 2 else _open(rng), f"studio {number}")
+    rng = generator(seed, "painted studio" if painted else "studio", number)
+    raw = _rooms(rng) if number % 3 == 2 else _open(rng)
+    if painted:
+        for area in raw["areas"]:
+            area["stands"] = [_painted(stand, rng) for stand in area["stands"]]
+    return validated(Scene, raw, f"studio {number}")
+
+
+def _painted(stand: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    kind = classes()[stand["what"]]
+    if not any(kind.train.colours):
+        return stand
+    kept = set(kind.held_out.colours) if kind.held_out else set()
+    return stand | {"colour": _one(rng, [c for c in _palette() if c not in kept])}
+
+
+@cache
+def _palette() -> tuple[str, ...]:
+    return tuple(sorted({c for kind in classes().values() for c in kind.train.colours if c}))
 
 
 def _open(rng: np.random.Generator) -> dict[str, Any]:

@@ -32,10 +32,11 @@ class DistilConfig(BaseModel):
     """A captioner taught by simulated worlds.
 
     `worlds` is where data sets are: `seedN` for each of `seeds`, with the worlds `train`; `viewsN` for each of
-    `view_seeds`, with `views` cameras before the objects of every class of those worlds; `studiosN`, for the first
-    seed, `studios` random scenes in which objects stand where they never would; `held-outN` for the first
-    seed, with the worlds `held_out`, which are never trained on. What is missing is rendered. `work` keeps cached
-    features, checkpoints and logs; `out` is the student's file, its card is written beside it.
+    `view_seeds`, with `views` cameras before the objects of every class of those worlds. For the first seed there are
+    `studiosN`, `studios` random scenes in which objects stand where they never would, `paintedN`, `painted` more in
+    which they have colours they never would, and `held-outN`, with the worlds `held_out`, which are never trained on.
+    What is missing is rendered. `work` keeps cached features, checkpoints and logs; `out` is the student's file, its
+    card is written beside it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -48,6 +49,7 @@ class DistilConfig(BaseModel):
     view_seeds: tuple[int, ...] = ()
     views: int = Field(4, ge=1, le=1000)
     studios: int = Field(0, ge=0, le=10_000)
+    painted: int = Field(0, ge=0, le=10_000)
     work: Path = Path("experiments/distil/captioner")
     out: Path = Path("checkpoints/captioner.safetensors")
     backbone: str = "efficientnet-lite0"

@@ -120,12 +120,14 @@ def _examples(config: DistilConfig, progress: Progress) -> tuple[list[Example], 
 
 
 def _studios(config: DistilConfig, progress: Progress) -> list[Example]:
-    if not config.studios:
-        return []
-    folder = config.worlds / f"studios{config.seeds[0]}"
-    render_studios(folder, config.studios, config.seeds[0], progress)
-    read = read_worlds(folder)
-    return [e for number in range(config.studios) for e in read[f"studio{number}"]]
+    seed, found = config.seeds[0], []
+    for count, painted in ((config.studios, False), (config.painted, True)):
+        folder = config.worlds / f"{'painted' if painted else 'studios'}{seed}"
+        if count:
+            render_studios(folder, count, seed, painted, progress)
+            read = read_worlds(folder)
+            found += [e for number in range(count) for e in read[f"studio{number}"]]
+    return found
 
 
 def _data_set(folder: Path, names: Sequence[str], seed: int, progress: Progress) -> Mapping[str, list[Example]]:

@@ -49,18 +49,18 @@ def render_views(folder: Path, worlds: Sequence[str], seed: int, each: int, prog
         progress(f"views of seed {seed}", done, len(worlds))
 
 
-def render_studios(folder: Path, count: int, seed: int, progress: Progress = quiet) -> None:
-    """Write the views of `count` studios, in the layout of a data set; finished ones are kept."""
+def render_studios(folder: Path, count: int, seed: int, painted: bool, progress: Progress = quiet) -> None:
+    """Write the views of `count` studios, `painted` or not, in the layout of a data set; finished ones are kept."""
     missing = [number for number in range(count) if not (folder / "truth" / f"studio{number}.jsonl").is_file()]
     crew, done = simulator("crew"), count - len(missing)
-    for _ in crew.run_apart(_render_studio, [(folder, number, seed) for number in missing], crew.cores()):
+    for _ in crew.run_apart(_render_studio, [(folder, number, seed, painted) for number in missing], crew.cores()):
         done += 1
-        progress(f"studios of seed {seed}", done, count)
+        progress(f"{'painted ' if painted else ''}studios of seed {seed}", done, count)
 
 
-def _render_studio(folder: Path, number: int, seed: int) -> None:
-    name = f"studio{number}"
-    (world,) = simulator("layout").worlds(name, simulator("studio").studio_scene(number, seed), seed)
+def _render_studio(folder: Path, number: int, seed: int, painted: bool) -> None:
+    name, scene = f"studio{number}", simulator("studio").studio_scene(number, seed, painted=painted)
+    (world,) = simulator("layout").worlds(name, scene, seed)
     _write(folder, name, _shots(world, folder, [stop.camera for stop in world.stops]))
 
 
