@@ -86,6 +86,8 @@ def test_measurements_are_of_a_process_of_their_own(compared: tuple[CompareConfi
             assert 20 < one.cell.base_mb <= one.cell.peak_mb < 4000
             assert one.cell.seconds > 0
             assert len(one.cell.outputs) == one.items
+            asked = {"search": 12 + 62}.get(one.trial, one.items)  # queries, and the texts of the sample
+            assert one.seconds == pytest.approx(one.cell.seconds / asked)
         else:
             assert (one.seconds, one.peak_mb) == (None, None)
     answers = row(rows, "answers", "fake").judgement
@@ -217,6 +219,7 @@ def test_agreement_is_with_the_cards_text(tmp_path: Path) -> None:
     assert [item["choice"] for item in trial.items] == [2, 1]  # one card is no choice
     judgement = trial.judge([1, 0], Fake())  # bench_1 reads as bench_2 does
     assert (judgement.figure.value, judgement.loss.value) == (0.5, 0.5)
+    assert [f.value for f in judgement.more] == [0.5, 0.0]  # agreeing in words, with another card
     assert trial.judge([None, None], Fake()).figure.value == 0
     assert trial.judge(trial.cloud(), Fake()).loss.value == 0
     assert trial.ask(Fake(), trial.items, Ledger()) == [0, 0]  # type: ignore[arg-type]
