@@ -60,7 +60,8 @@ class Decisions:
         figure, loss = judged(self.measure, values)
         sets = ["\n".join(sorted(item["cards"])) for item in self.items]
         whole = Figure.within("the same, card sets drawn whole", clustered_bootstrap(values, sets))
-        return Judgement(figure, loss, (whole,))
+        very = [float(o == i["choice"]) for i, o in zip(self.items, outputs, strict=True)]
+        return Judgement(figure, loss, (whole, Figure.of("the very card", very)))
 
 
 def _decision(item: Any) -> Decision:
@@ -140,6 +141,11 @@ class Search:
 
     def __init__(self, config: SearchTrial) -> None:
         self._config = config
+
+    @property
+    def texts(self) -> int:
+        """How many texts are embedded: what seconds are told of, since a pool costs more than its queries."""
+        return len(self._pool) + len(self.items)
 
     @cached_property
     def _pool(self) -> dict[str, str]:

@@ -27,7 +27,7 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
         return False
     across = min(_ACROSS, len(trials))
     down = -(-len(trials) // across)
-    figure = Figure(figsize=(_WIDTH * across, _HEIGHT * down + 0.4), layout="constrained")
+    figure = Figure(figsize=(_WIDTH * across, _HEIGHT * down + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(down, across, squeeze=False).ravel()
     for axes, trial in zip(panels, trials, strict=False):
@@ -36,7 +36,7 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
         axes.xaxis.set_minor_formatter(NullFormatter())
     for axes in panels[len(trials) :]:
         axes.set_axis_off()
-    figure.suptitle("What is lost, and how long it takes; discs grow with peak memory", fontsize=11)
+    figure.suptitle("Loss and seconds\ndiscs: peak memory; line: what no other beats", fontsize=10)
     figure.savefig(path, dpi=110)
     return True
 

@@ -18,7 +18,8 @@ GIB_MB = 1073.741824  # MB
 class Row:
     """A line of the table: a backend (`local`), the cloud's records (`cloud`) or what needs no model (`control`).
 
-    `cell` and `file_mb` are those of a measured backend. Without a judgement, `note` says why.
+    `cell` and `file_mb` are those of a measured backend; `units` (None: the items) are what seconds and tokens are told
+    of. Without a judgement, `note` says why.
     """
 
     trial: str
@@ -32,17 +33,22 @@ class Row:
     cell: Cell | None = None
     file_mb: float | None = None
     note: str = ""
+    units: int | None = None
 
     @property
     def seconds(self) -> float | None:
-        """Seconds an item."""
-        return None if self.cell is None or not self.items else self.cell.seconds / self.items
+        """Seconds an item, or a unit."""
+        units = self.units or self.items
+        return None if self.cell is None or not units else self.cell.seconds / units
 
     @property
     def tokens(self) -> float | None:
-        """Tokens read and written an item, None for a model that counts none."""
-        counted = 0 if self.cell is None else self.cell.tokens_in + self.cell.tokens_out
-        return counted / self.items if counted and self.items else None
+        """Tokens read and written an item, or a unit; None for a model that counts none."""
+        counted, units = (
+            0 if self.cell is None else self.cell.tokens_in + self.cell.tokens_out,
+            self.units or self.items,
+        )
+        return counted / units if counted and units else None
 
     @property
     def peak_mb(self) -> float | None:

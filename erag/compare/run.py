@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import yaml
 
 from erag.compare.cells import Cell, Job, measured, model_mb
+from erag.compare.choosing import Search
 from erag.compare.config import ROLE_OF, CompareConfig
 from erag.compare.page import page
 from erag.compare.rows import Row, write_csv
@@ -64,7 +65,8 @@ def _trial(config: CompareConfig, name: str, store: ModelStore, judge: Embedder,
     except EragError as error:
         say(f"{name}: not measured: {error.line()}")
         return [Row(name, role, "–", "none", trial.measure, trial.against, 0, None, note=error.line())]
-    blank = Row(name, role, "", "local", trial.measure, trial.against, len(items), None)
+    units = trial.texts if isinstance(trial, Search) else None
+    blank = Row(name, role, "", "local", trial.measure, trial.against, len(items), None, units=units)
     rows = []
     spoken = trial.cloud()
     if spoken is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +19,7 @@ from erag.lm.ledger import Ledger
 from erag.lm.roles import Caption, Embedder, LMBackend, RoleName
 
 _RESAMPLES = 1000
+_COMMON = 5  # classes that a control says of every image
 
 
 def captioned(backend: LMBackend, items: Sequence[Any]) -> list[Any]:
@@ -60,12 +62,9 @@ class Objects:
 
     def controls(self) -> Mapping[str, Outputs]:
         """The classes that are most often in view, said of every image."""
-        counts: dict[str, int] = {}
-        for item in self.items:
-            for name in item["seen"]:
-                counts[name] = counts.get(name, 0) + 1
-        often = [name for name, n in sorted(counts.items()) if 2 * n >= len(self.items)]
-        return {"what most images have": [{"text": "", "objects": often} for _ in self.items]}
+        counts = Counter(name for item in self.items for name in item["seen"])
+        often = [name for name, _ in sorted(counts.items(), key=lambda known: (-known[1], known[0]))][:_COMMON]
+        return {f"the {_COMMON} commonest classes": [{"text": "", "objects": often} for _ in self.items]}
 
     def judge(self, outputs: Outputs, embedder: Embedder) -> Judgement:
         del embedder

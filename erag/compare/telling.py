@@ -15,7 +15,7 @@ from erag.bench.retrieval import built, query_file
 from erag.compare.config import AnswersTrial, SummariesTrial
 from erag.compare.trial import Figure, Judgement, Outputs, drawn, each, judged, shifted
 from erag.core.errors import BadModelOutput
-from erag.core.types import Cluster, Edges, Forest, TopoMap
+from erag.core.types import Cluster, Edges, Forest, IntArray, TopoMap
 from erag.data.contract import read_queries
 from erag.data.registry import read
 from erag.evaluate.text import GENERIC, Golden, SemanticSimilarity
@@ -97,11 +97,15 @@ class ClusterSummaries:
     def _words(self) -> Vocabulary:
         return map_vocabulary(self._world[0])
 
+    @cached_property
+    def _below(self) -> Mapping[str, IntArray]:
+        """The rows of the nodes below each cluster."""
+        forest = self._world[1]
+        return {c.id: rows for c, rows in zip(forest.clusters, base_nodes(forest), strict=True)}
+
     def _checked(self, item: Any, output: Any) -> tuple[float, float]:
         """Of one summary, the share of facts mentioned and the share of statements that no member bears out."""
-        forest = self._world[1]
-        row = next(i for i, c in enumerate(forest.clusters) if c.id == item["cluster"])
-        rows = base_nodes(forest)[row]
+        rows = self._below[item["cluster"]]
         known = tuple(cluster_facts(self._words, rows))
         summary = Summary(output["name"], output["text"], tuple(output["relationships"]))
         found = check(summary, Evidence(self._words, rows, known, measured=True))

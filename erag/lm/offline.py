@@ -17,8 +17,8 @@ _OPEN: ContextVar[bool] = ContextVar("may connect", default=False)  # in this th
 _REACHING = frozenset({"socket.connect", "socket.sendto", "socket.sendmsg"})
 
 
-class Offline(EragError):
-    """Something tried to reach another machine that is not the configured endpoint."""
+class Offline(EragError, OSError):
+    """Something tried to reach another machine; to libraries it is a network that cannot be reached."""
 
 
 def go_offline() -> None:

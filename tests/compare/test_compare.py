@@ -2,6 +2,7 @@
 
 import csv
 import json
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,12 +24,15 @@ from erag.compare.telling import ClusterSummaries
 from erag.compare.trial import Figure, Judgement, each, judged, shifted
 from erag.compare.trials import trial_of
 from erag.core.errors import BadModelOutput, ConfigError
+from erag.lm.config import BackendConfig
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
-from erag.lm.roles import SelectTask
+from erag.lm.openai.server import ServerConfig
+from erag.lm.roles import ROLES, SelectTask
 from erag.lm.tagger import TaggerConfig
 from erag.lm.weights import default_store
 from erag.pipeline.config import validate
+from erag.pipeline.serving import openai_server
 
 FAKE = {"fake": {"model": {"kind": "fake"}}, "wide": {"model": {"kind": "fake", "dim": 128}}}
 COSINE = {"cosine": {"model": {"kind": "fake"}, "cosine": True}}
@@ -82,6 +86,8 @@ def test_measurements_are_of_a_process_of_their_own(compared: tuple[CompareConfi
             assert 20 < one.cell.base_mb <= one.cell.peak_mb < 4000
             assert one.cell.seconds > 0
             assert len(one.cell.outputs) == one.items
+            asked = {"search": 12 + 62}.get(one.trial, one.items)  # queries, and the texts of the sample
+            assert one.seconds == pytest.approx(one.cell.seconds / asked)
         else:
             assert (one.seconds, one.peak_mb) == (None, None)
     answers = row(rows, "answers", "fake").judgement
@@ -213,9 +219,38 @@ def test_agreement_is_with_the_cards_text(tmp_path: Path) -> None:
     assert [item["choice"] for item in trial.items] == [2, 1]  # one card is no choice
     judgement = trial.judge([1, 0], Fake())  # bench_1 reads as bench_2 does
     assert (judgement.figure.value, judgement.loss.value) == (0.5, 0.5)
+    assert [f.value for f in judgement.more] == [0.5, 0.0]  # agreeing in words, with another card
     assert trial.judge([None, None], Fake()).figure.value == 0
     assert trial.judge(trial.cloud(), Fake()).loss.value == 0
     assert trial.ask(Fake(), trial.items, Ledger()) == [0, 0]  # type: ignore[arg-type]
+
+
+def test_recorded_and_far_backends_are_compared_like_any_other(tmp_path: Path) -> None:
+    """The cloud's records through `replay` agree with themselves; a server's model answers as the model does."""
+    made = [("Where is the pond?", ("pond_1", "bench_1"), "bench_1"), ("A bench?", ("bench_1", "bin"), "bin")]
+    source, calls = retrieval_qa(tmp_path / "qa", made), tmp_path / "calls.jsonl.gz"
+    assert run(["records", "reference", str(source), "--out", str(calls)]) == 0
+    roles = BackendConfig.model_validate({"models": {"f": {"kind": "fake"}}, "roles": dict.fromkeys(ROLES, "f")})
+    server = openai_server(roles, default_store(), ServerConfig(port=0))
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    far = {"kind": "openai", "model": "f", "base_url": server.url, "key_env": None, "structured": "full"}
+    backends = {**FAKE, "recorded": {"model": {"kind": "replay", "records": calls}}, "far": {"model": far}}
+    trials = {
+        "decisions": {"kind": "decisions", "source": source, "folds": 1, "backends": ["recorded", "fake"]},
+        "search": {"kind": "search", "count": 4, "backends": ["far", "fake"]},
+    }
+    raw = {"out": tmp_path / "out", "judge": {"kind": "fake"}, "backends": backends, "trials": trials}
+    try:
+        rows = compare(validate(CompareConfig, raw, "test"), default_store(), lambda text: None)
+    finally:
+        server.stop()
+        thread.join(timeout=10)
+    said = {(r.trial, r.backend): r.cell.outputs for r in rows if r.cell}
+    assert said["decisions", "recorded"] == [1, 1]
+    assert said["search", "far"] == said["search", "fake"]
+    losses = {r.backend: r.judgement.loss.value for r in rows if r.trial == "decisions" and r.judgement}
+    assert (losses["cloud teacher (recorded)"], losses["recorded"], losses["fake"]) == (0, 0, 1)
 
 
 def test_relevance_is_the_area_under_the_roc() -> None:
@@ -312,7 +347,7 @@ def test_objects_are_counted_by_class_and_synonym(tmp_path: Path) -> None:
     precision, recall = trial.judge(listed, Fake()).more
     assert (precision.value, recall.value) == (1, pytest.approx(2 / 3))  # a dragon is no class
     assert trial.judge([None, None], Fake()).figure.value == 0
-    assert trial.controls()["what most images have"][0]["objects"] == ["bench", "litter bin"]
+    assert trial.controls()["the 5 commonest classes"][0]["objects"] == ["bench", "litter bin"]
 
 
 def test_losses_are_item_by_item() -> None:
