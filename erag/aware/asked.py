@@ -14,13 +14,17 @@ from erag.forest.terms import fold, mentions
 Aspect = Literal["last", "first", "ago", "gone", "new", "moved", "changed", "still", "count"]
 
 _SEE = r"(?:see|saw|seen|spot|spotted|notice|noticed|observe|observed|sight|sighted|sighting|record|recorded|meet|met|pass|passed|come across|encounter(?:ed)?|photograph(?:ed)?)"
-_THING_GONE = r"(?:gone|disappeared|vanished|missing|removed|taken away|cleared away|no longer|not (?:there|here) any ?more|lost)"
-_THING_NEW = r"(?:new|newly|appeared|added|arrived|turned up|not (?:there|here) before|additional|were not there|was not there)"
-_THING_MOVED = r"(?:moved|shifted|relocated|rearranged|been put elsewhere|changed (?:its |their )?places?|another place now)"
-_CHANGED = r"(?:changed|change|changes|differ|differs|different|difference|differences|compare|compared|altered)"
-_ABOUT_TIME = (
-    r"(?:since|visit|visits|between|before|any ?more|now|meanwhile|last time|tour|yesterday|ago|compared|times|earlier|has|have)"
+_THING_GONE = (
+    r"(?:gone|disappeared|vanished|missing|removed|taken away|cleared away|no longer|not (?:there|here) any ?more|lost)"
 )
+_THING_NEW = (
+    r"(?:new|newly|appeared|added|arrived|turned up|not (?:there|here) before|additional|were not there|was not there)"
+)
+_THING_MOVED = (
+    r"(?:moved|shifted|relocated|rearranged|been put elsewhere|changed (?:its |their )?places?|another place now)"
+)
+_CHANGED = r"(?:changed|change|changes|differ|differs|different|difference|differences|compare|compared|altered)"
+_ABOUT_TIME = r"(?:since|visit|visits|between|before|any ?more|now|meanwhile|last time|tour|yesterday|ago|compared|times|earlier|has|have)"
 
 # The first that fits decides; {t} is where the thing asked for stands.
 _PATTERNS: tuple[tuple[Aspect, str], ...] = (
@@ -45,7 +49,9 @@ _PATTERNS: tuple[tuple[Aspect, str], ...] = (
 _KINDS: tuple[tuple[Aspect, str], ...] = (
     ("gone", _THING_GONE), ("moved", _THING_MOVED), ("new", _THING_NEW), ("changed", _CHANGED),
 )  # fmt: skip
-_SHORT = re.compile(r"^(?:what is|what's|anything|is anything|is something|what are) (new|missing|gone)\b(?: here| there| now)*$")
+_SHORT = re.compile(
+    r"^(?:what is|what's|anything|is anything|is something|what are) (new|missing|gone)\b(?: here| there| now)*$"
+)
 _ASKING = re.compile(
     r"^(?:what|which|how|is|are|has|have|did|does|tell|list|name|describe|show me what|show me which|explain|summari[sz]e|anything|any|compare|was|were|do)\b"
 )
@@ -90,7 +96,11 @@ def asked(text: str | None) -> Asked:
 
 def _thing(said: str) -> Name:
     """The first thing that a piece of a question names, without the words of asking and of time."""
-    cut = re.split(r"\b(?:near|next to|beside|on the|in the|at the|by the|since|before|after|during|between|within|around|that|which|who|are there|is there|can|were|was|did|do)\b", said, maxsplit=1)[0]
+    cut = re.split(
+        r"\b(?:near|next to|beside|on the|in the|at the|by the|since|before|after|during|between|within|around|that|which|who|are there|is there|can|were|was|did|do)\b",
+        said,
+        maxsplit=1,
+    )[0]
     for part in (cut, said):
         for phrase in mentions(part.strip(" ?.,")).phrases:
             name = tuple(w for w in phrase.words if w not in _NOT_THINGS)

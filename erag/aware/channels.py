@@ -102,7 +102,9 @@ def named(text: str, channels: Iterable[str], words: Lexicon) -> tuple[str, ...]
 def unread(text: str, channels: Iterable[str], words: Lexicon) -> tuple[str, ...]:
     """Channels a text names outright that the map has no readings of, such as NDVI on a map of images alone."""
     spoken, known = " ".join(text.lower().split()), {c.lower() for c in channels}
-    missing = (c for c in words.channels if c not in known and re.search(rf"\b{re.escape(c.replace('_', ' '))}\b", spoken))
+    missing = (
+        c for c in words.channels if c not in known and re.search(rf"\b{re.escape(c.replace('_', ' '))}\b", spoken)
+    )
     return tuple(missing)
 
 

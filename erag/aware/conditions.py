@@ -13,7 +13,12 @@ from erag.forest.terms import fold
 LEAST = 0.15  # share of a visit's views from which on a word characterises it
 DIFFERENT = 0.15  # and by how much its share has to differ from that of the other visit
 _HOURS = ("morning", "noon", "midday", "afternoon", "evening", "night", "dusk", "dawn")
-_WORDS = frozenset(lex.SEASONS.values()) | frozenset(lex.WEATHER) | frozenset(_HOURS) | {"snow", "snowy", "fog", "mist", "rain"}
+_WORDS = (
+    frozenset(lex.SEASONS.values())
+    | frozenset(lex.WEATHER)
+    | frozenset(_HOURS)
+    | {"snow", "snowy", "fog", "mist", "rain"}
+)
 Shares = dict[str, float]
 
 

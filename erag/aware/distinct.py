@@ -61,7 +61,9 @@ def _spots(mentions: Sequence[Mention], rows: IntArray, sight: Sight) -> int:
     named = sight.covers(np.array([m.row for m in mentions], np.int64), candidates)  # (m, k)
     named &= _sides(mentions, sight, candidates)
     named[own, np.arange(len(candidates))] = True
-    silent = np.array([r for r in rows.tolist() if r not in {m.row for m in mentions} and not sight.objects[r]], np.int64)
+    silent = np.array(
+        [r for r in rows.tolist() if r not in {m.row for m in mentions} and not sight.objects[r]], np.int64
+    )
     against = sight.covers(silent, candidates).sum(axis=0) if len(silent) else np.zeros(len(candidates))
     return _greedy(named, against, np.array([m.count for m in mentions]))
 

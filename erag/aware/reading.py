@@ -97,7 +97,10 @@ def _told_window(when: Window) -> list[str]:
 
 def window_words(since: float | None, until: float | None, hours: Range | None) -> str:
     """A time window in words and stamps."""
-    parts = [f"from {plain_moment(since)}" if since is not None else "", f"before {plain_moment(until)}" if until is not None else ""]
+    parts = [
+        f"from {plain_moment(since)}" if since is not None else "",
+        f"before {plain_moment(until)}" if until is not None else "",
+    ]
     parts += [f"between {_clock(hours[0])} and {_clock(hours[1])} UTC"] if hours is not None else []
     return " ".join(filter(None, parts)) or "at any time"
 

@@ -12,7 +12,7 @@ from typing import Literal
 from erag.core.text import sentences, word_set, words
 from erag.core.types import TopoMap
 from erag.forest import lexicon as lex
-from erag.forest.terms import Phrase, fold, mentions, name_mentions
+from erag.forest.terms import Phrase, fold, mentions, name_mentions, stem
 
 Name = tuple[str, ...]  # folded words, head last
 Side = Literal["left", "centre", "right"]
@@ -99,7 +99,8 @@ class Things:
             ]
             if found:
                 return tuple(found)
-        return tuple(Mention(asked, row) for row, said in enumerate(self._folded) if _in_order(asked, said))
+        near = (row for row, said in enumerate(self._folded) if _in_order(asked, said))
+        return tuple(Mention(asked, r) for r in near if stem(asked[-1]) not in mentions(self._texts[r]).denied_words)
 
     def shown(self, name: Name, many: bool = False) -> str:
         """How a name is said: `coffee table`, or its plural as the texts have it."""
@@ -137,7 +138,13 @@ class Things:
     def _name(self, spoken: Name) -> Name:
         """The name of the thing in a phrase, without what merely describes it; empty for what is no thing."""
         head = spoken[-1]
-        if head in SURROUNDINGS or head in lex.PLACES or head in lex.SEASONS or head in lex.WEATHER or head in lex.LIGHT:
+        if (
+            head in SURROUNDINGS
+            or head in lex.PLACES
+            or head in lex.SEASONS
+            or head in lex.WEATHER
+            or head in lex.LIGHT
+        ):
             return ()
         if head in lex.ATTRIBUTES or len(head) < 3:
             return ()

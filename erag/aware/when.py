@@ -59,7 +59,9 @@ class Clock:
         return ((start - shift) % 24, (end - shift) % 24)
 
 
-_MONTHS = {name.lower(): i for names in (calendar.month_name, calendar.month_abbr) for i, name in enumerate(names) if name}
+_MONTHS = {
+    name.lower(): i for names in (calendar.month_name, calendar.month_abbr) for i, name in enumerate(names) if name
+}
 _DAYS = {name.lower(): i for i, name in enumerate(calendar.day_name)}
 _MONTH = "|".join(sorted(_MONTHS, key=len, reverse=True))
 _PARTS: dict[str, Hours] = {
@@ -83,7 +85,9 @@ _OBSERVED = re.compile(
     r"\b(?:saw|seen|see|observed|noticed|spotted|recorded|photographed|captured|filmed|sighted|visited|passed|looked|was|"
     r"were|did (?:you|the robot)|have you)\b"
 )
-_ORDERED = re.compile(r"^(?:please )?(?:find|show|list|describe|count|explain|what (?:is|are) (?:there|seen|visible|to be seen)|which|how many|summari[sz]e)\b")
+_ORDERED = re.compile(
+    r"^(?:please )?(?:find|show|list|describe|count|explain|what (?:is|are) (?:there|seen|visible|to be seen)|which|how many|summari[sz]e)\b"
+)
 _WISHING = re.compile(
     r"\b(?:i|we|my|our|us|want|need|would|can|could|should|must|shall|let's|i'd|we'd|will|going to|have to|tomorrow|they|"
     r"he|she|opens?|serves?|does|do)\b"
@@ -184,7 +188,12 @@ def _two_stamps(match: re.Match[str], clock: Clock) -> Window | None:
 
 def _date(match: re.Match[str], clock: Clock) -> Window | None:
     """`on 12 April 2025`, `since April 12`; without a year the last one there was."""
-    word, day, month, year = match["word"], match["day"] or match["day2"], match["month"] or match["month2"], match["year"]
+    word, day, month, year = (
+        match["word"],
+        match["day"] or match["day2"],
+        match["month"] or match["month2"],
+        match["year"],
+    )
     number, now = _MONTHS[month], clock.moment
     try:
         when = _day(now).replace(year=int(year) if year else now.year, month=number, day=int(day))
@@ -312,7 +321,9 @@ def _now(match: re.Match[str], clock: Clock) -> Window | None:
 
 
 _BOUND = r"(since|after|before|until|till|prior to|by|up to|from)"
-_WHICH = r"(first|1st|second|2nd|third|3rd|fourth|4th|fifth|last|latest|newest|most recent|current|this|previous|earlier)"
+_WHICH = (
+    r"(first|1st|second|2nd|third|3rd|fourth|4th|fifth|last|latest|newest|most recent|current|this|previous|earlier)"
+)
 # Rules in the order in which they are tried; what one has read is not read again.
 _PLAIN: tuple[tuple[str, Reader], ...] = (
     (rf"\b(?:between|from) {_STAMP} (?:and|to|until) {_STAMP}", _two_stamps),

@@ -30,8 +30,12 @@ def query(
     sensor: Annotated[list[str] | None, typer.Option(metavar="NAME=low|high|MIN:MAX", help="a sensor wish")] = None,
     since: Annotated[str | None, typer.Option(metavar="T", help="observed at or after this time")] = None,
     until: Annotated[str | None, typer.Option(metavar="T", help="observed before this time")] = None,
-    hours: Annotated[str | None, typer.Option(metavar="FROM:TO", help="observed in these hours of the day, UTC")] = None,
-    now: Annotated[str | None, typer.Option(metavar="T", help="what times are relative to; else the newest view")] = None,
+    hours: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="observed in these hours of the day, UTC")
+    ] = None,
+    now: Annotated[
+        str | None, typer.Option(metavar="T", help="what times are relative to; else the newest view")
+    ] = None,
     top: Annotated[int, typer.Option(min=1, help="how many hits")] = 5,
     kind: Annotated[str | None, typer.Option(help="find or explain; decided by the system when absent")] = None,
     json_: AsJson = False,

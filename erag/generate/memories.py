@@ -124,7 +124,9 @@ class Memories:
             return Recalled("explain", "This memory holds a single visit: there is nothing to compare it with.")
         before, after = pair
         if _CONDITIONS & set(words(text)):
-            return Recalled("explain", " ".join(self._conditions(before, after)) or _ALIKE, self._between(before, after))
+            return Recalled(
+                "explain", " ".join(self._conditions(before, after)) or _ALIKE, self._between(before, after)
+            )
         kinds = _ORDER[asked.aspect or "changed"]
         found = self._past.changes(before, after)
         said = [self._told(found, kind) for kind in kinds if kind == kinds[0] or found.of(kind)]
@@ -144,7 +146,11 @@ class Memories:
         changes = [c for c in found.changes if c.kind == kind][:TOLD]
         lead = {"gone": "Gone", "new": "New", "moved": "Moved, or one gone and another come"}[kind]
         if not changes:
-            nothing = {"gone": "Nothing is seen to be gone", "new": "Nothing new is seen", "moved": "Nothing is seen to have moved"}
+            nothing = {
+                "gone": "Nothing is seen to be gone",
+                "new": "Nothing new is seen",
+                "moved": "Nothing is seen to have moved",
+            }
             return f"{nothing[kind]}."
         sure = [c for c in changes if c.probable]
         rest = [c for c in changes if not c.probable]

@@ -22,9 +22,7 @@ _TOPICS: tuple[tuple[Topic, frozenset[str]], ...] = (
     ("things", word_set("objects things contains equipment stands items often commonly")),
     ("kind", word_set("kind sort type environment place overview whole overall summary")),
 )
-_GENERAL = frozenset(
-    {"what is there to see", "what can be seen", "what is here", "what do you see", "what is there"}
-)
+_GENERAL = frozenset({"what is there to see", "what can be seen", "what is here", "what do you see", "what is there"})
 _LIKE = frozenset({"like", "trend", "vegetation", "condition", "state"})  # asks how something is, not what there is
 THINGS, PARTS_TOLD = 7, 8
 _MAIN = 0.35  # share of a part's views from which on a place names it
@@ -66,9 +64,13 @@ class Overview:
         Empty where there is neither, or where the whole map is called that.
         """
         facts = cluster_facts(self._words, rows)
-        named = [f for f in (*facts.distinctive, *facts.common) if f.share >= _MAIN and f.z > 0 and not self._whole(f.entry)]
+        named = [
+            f for f in (*facts.distinctive, *facts.common) if f.share >= _MAIN and f.z > 0 and not self._whole(f.entry)
+        ]
         places = [f for f in named if f.entry.kind == "place"]
-        things = [f for f in named if f.entry.kind == "object" and f.share >= _ALONE and f.entry.words[-1] not in SURROUNDINGS]
+        things = [
+            f for f in named if f.entry.kind == "object" and f.share >= _ALONE and f.entry.words[-1] not in SURROUNDINGS
+        ]
         best = max(places or things, key=lambda f: (f.z * f.share, len(f.entry.words)), default=None)
         return best.entry.shown if best is not None else ""
 
@@ -80,7 +82,9 @@ class Overview:
         """The place that most views name, with the most words."""
         views = np.asarray(self._words.presence[rows].sum(axis=0), np.int64).ravel()
         met = [(self._words.entries[i], int(views[i])) for i in np.flatnonzero(views >= _MAIN * len(rows))]
-        found = [f for f in met if f[0].kind == "place"] or [f for f in met if f[0].kind == "object" and f[1] >= _ALL * len(rows)]
+        found = [f for f in met if f[0].kind == "place"] or [
+            f for f in met if f[0].kind == "object" and f[1] >= _ALL * len(rows)
+        ]
         if not found:
             return ""
         most = max(n for _, n in found)
@@ -91,11 +95,17 @@ class Overview:
         """What is named in most views; views are not things."""
         inside = set(rows.tolist())
         met = {name: sum(m.row in inside for m in found) for name, found in self._things.by_name.items()}
-        most = sorted((item for item in met.items() if item[1] and not self._place(*item, len(rows))), key=lambda item: (-item[1], item[0]))
+        most = sorted(
+            (item for item in met.items() if item[1] and not self._place(*item, len(rows))),
+            key=lambda item: (-item[1], item[0]),
+        )
         distinct = [(n, c) for i, (n, c) in enumerate(most) if not any(n[-1] == o[-1] for o, _ in most[:i])][:THINGS]
         if not distinct:
             return ""
-        first, *rest = [f"{self._things.shown(n, many=True)} ({c:,}{f' of {len(rows):,} views' * (not i)})" for i, (n, c) in enumerate(distinct)]
+        first, *rest = [
+            f"{self._things.shown(n, many=True)} ({c:,}{f' of {len(rows):,} views' * (not i)})"
+            for i, (n, c) in enumerate(distinct)
+        ]
         return f"Most often one sees {', '.join((first, *rest))}."
 
     @staticmethod
@@ -122,4 +132,3 @@ class Overview:
             said = told(conditions(self._texts, rows))
             return f"Views tell of {said}." if said else ""
         return " ".join(f"On {ordinal(self._visits, v.number)} views tell of {said}." for v, said in spoken if said)
-

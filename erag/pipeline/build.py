@@ -102,7 +102,8 @@ def _resolved(config: PipelineConfig, given: bool) -> str:
     """Everything but the observations that determines map, vectors and forest, as JSON; a change means a new build."""
     build = {"version": BUILD_VERSION, "forest": "given" if given else "cluster"}
     return json.dumps(
-        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "aware", "answer"})}, sort_keys=True
+        {"build": build, "config": config.model_dump(mode="json", exclude={"retrieve", "aware", "answer"})},
+        sort_keys=True,
     )
 
 

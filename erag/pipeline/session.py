@@ -70,7 +70,16 @@ class Memory:
         """
         raw_hours = None if hours is None else list(hours)
         stated = {"at": None if at is None else list(at), "sensor": None if sensor is None else dict(sensor)}
-        raw = {"id": "query", "query": text, "since": since, "until": until, "kind": kind, "now": now, "hours": raw_hours, **stated}
+        raw = {
+            "id": "query",
+            "query": text,
+            "since": since,
+            "until": until,
+            "kind": kind,
+            "now": now,
+            "hours": raw_hours,
+            **stated,
+        }
         return self.asker.ask(parse_query(QueryLine(1, "query", raw), top, self.asker.ground, "the query"))
 
     @property
