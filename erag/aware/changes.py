@@ -98,7 +98,7 @@ class Comparison:
         cover = self._sight.covers(rows, where.points) @ where.weights if len(rows) else np.zeros(0)
         says = np.array([int(r) in named for r in rows], np.bool_)
         chance = self._chance(named, after)
-        there = cover * where.rate + (1 - cover) * chance
+        there = cover * max(where.rate, chance) + (1 - cover) * chance
         nats = np.where(says, np.log(chance / there), np.log((1 - chance) / (1 - there)))
         looking = cover > _LOOKS
         return _Absence(

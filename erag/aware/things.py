@@ -12,13 +12,13 @@ from typing import Literal
 from erag.core.text import sentences, word_set, words
 from erag.core.types import TopoMap
 from erag.forest import lexicon as lex
-from erag.forest.terms import Phrase, fold, mentions, name_mentions
+from erag.forest.terms import Phrase, fold, mentions, name_mentions, stem
 
 Name = tuple[str, ...]  # folded words, head last
 Side = Literal["left", "centre", "right"]
 
 # Heads that are no things one could count or miss: what the ground, the sky and the hour are like, and where things are.
-_SURROUNDINGS = word_set("""
+SURROUNDINGS = word_set("""
     ground floor grass snow sky cloud leaf tile parquet carpet shadow sunlight light wall ceiling morning noon evening
     night day dusk dawn midday afternoon mist fog rain sun shade meadow soil earth sand mud dirt gravel asphalt concrete
     pavement paving cobblestone water air weather season nothing little lot middle left right centre center side distance
@@ -99,14 +99,15 @@ class Things:
             ]
             if found:
                 return tuple(found)
-        return tuple(Mention(asked, row) for row, said in enumerate(self._folded) if _in_order(asked, said))
+        near = (row for row, said in enumerate(self._folded) if _in_order(asked, said))
+        return tuple(Mention(asked, r) for r in near if stem(asked[-1]) not in mentions(self._texts[r]).denied_words)
 
     def shown(self, name: Name, many: bool = False) -> str:
         """How a name is said: `coffee table`, or its plural as the texts have it."""
         if not many:
             return " ".join(name)
         forms = self._plurals.get(name[-1])
-        return " ".join((*name[:-1], forms.most_common(1)[0][0] if forms else f"{name[-1]}s"))
+        return " ".join((*name[:-1], forms.most_common(1)[0][0] if forms else _plural(name[-1])))
 
     @cached_property
     def _said(self) -> tuple[tuple[_Said, ...], ...]:
@@ -138,7 +139,7 @@ class Things:
         """The name of the thing in a phrase, without what merely describes it; empty for what is no thing."""
         head = spoken[-1]
         if (
-            head in _SURROUNDINGS
+            head in SURROUNDINGS
             or head in lex.PLACES
             or head in lex.SEASONS
             or head in lex.WEATHER
@@ -158,6 +159,12 @@ class Things:
             return first not in lex.PLACES or self._endings[name] < _ADJECTIVE_SHARE * self._endings[name[1:]]
         usual = self._endings[name] >= _ADJECTIVE_SHARE * self._endings[name[1:]]
         return first.endswith(lex.ADJECTIVE_ENDINGS) and not usual
+
+
+def _plural(word: str) -> str:
+    if word.endswith(("s", "x", "z", "ch", "sh")):
+        return f"{word}es"
+    return f"{word[:-1]}ies" if word.endswith("y") and word[-2:-1] not in "aeiou" else f"{word}s"
 
 
 def fits(asked: Name, spoken: Name) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,7 @@ from erag.generate.config import AnswerConfig
 from erag.generate.focus import Focus, counts
 from erag.generate.kind import decide_kind
 from erag.generate.memories import Recalled
+from erag.generate.overview import Overview
 from erag.generate.region import Regions
 from erag.generate.scope import Scope, Scopes
 from erag.generate.sufficiency import Sufficiency
@@ -34,8 +36,8 @@ Eligible = npt.NDArray[np.bool_]
 class Routes(Protocol):
     """What an answer needs of a router."""
 
-    def route(self, start: Pose | None, goal: str) -> Route:
-        """The shortest way from a pose to a node."""
+    def route(self, start: Pose | str | None, goal: str) -> Route:
+        """The shortest way from a pose or a node to a node."""
         ...
 
 
@@ -56,8 +58,8 @@ class Answerer:
     ) -> None:
         self._corpus, self._routes, self._writer = corpus, routes, writer
         self._config, self._ledger = config or AnswerConfig(), ledger or Ledger()
-        past = past or Past(corpus.topomap, corpus.texts, ())
-        regions = Regions(corpus, routes, past.things, past.sight)
+        self._past = past or Past(corpus.topomap, corpus.texts, ())
+        regions = Regions(corpus, routes, self._past.things, self._past.sight)
         self._scopes, self._enough, self._views = Scopes(corpus, regions), Sufficiency(corpus), Views(corpus)
         self._focus = Focus(corpus, lambda texts: self._writing.embed(texts, "document"))
 
@@ -93,7 +95,19 @@ class Answerer:
         if kind == "find":
             return self._find(query, vector, hits), None
         scope = self._scopes.of(query, hits, eligible)
-        return self._explain(query, vector, hits, scope), Told(scope.rows, self._scopes.parts(scope))
+        parts = self._scopes.parts(scope, self._overview.name)
+        told = self._overview.told(query.text or "", scope.rows, parts) if self._config.overview else ""
+        answer = self._told(told, vector, scope) if told else self._explain(query, vector, hits, scope)
+        return answer, Told(scope.rows, parts)
+
+    @cached_property
+    def _overview(self) -> Overview:
+        return Overview(self._focus.words, self._corpus.texts, self._past.things, self._past.visits)
+
+    def _told(self, told: str, vector: Vectors, scope: Scope) -> Answer:
+        """An explanation that code tells alone, with the views that come closest to the question."""
+        views = self._views.of(vector, scope.rows, self._config.quoted)
+        return self._explained(told, views, f"counted over {len(scope.rows):,} views of {scope.name}")
 
     def recalled(self, query: Query, found: Recalled) -> Answer:
         """The answer from what a memory knows of times, changes and numbers; with a way to the place one asked for."""

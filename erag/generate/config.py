@@ -15,7 +15,9 @@ class AnswerConfig(BaseModel):
     `reason` of a find: `quote` is the sentence of the place that comes closest to the request, `written` a sentence by
     the generator, checked against what was seen there. `explain`: `quotes` of the hits, or `written` by the generator
     from `views`, sentences near to the question, of which the best `quoted` are shown, and `facts` counted by code that
-    at least `least_share` of the views have. With less evidence (see `Sufficiency`) than `least_evidence` a find, or
+    at least `least_share` of the views have. With `overview`
+    code alone tells what a place is as a whole, its parts, what is seen most, season and weather, and the generator is
+    asked for the rest. With less evidence (see `Sufficiency`) than `least_evidence` a find, or
     than `least_explained` an explain query, is answered by "not in this memory".
     """
 
@@ -24,6 +26,7 @@ class AnswerConfig(BaseModel):
     reason: Literal["quote", "written"] = "quote"
     explain: Literal["quotes", "written"] = "quotes"
     least_probability: Share = 0.3
+    overview: bool = True
     least_evidence: Share = 0.3
     least_explained: Share = 0.2
     facts: Annotated[int, Field(ge=0, le=24)] = 6

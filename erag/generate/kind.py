@@ -8,6 +8,7 @@ from erag.core.text import words
 from erag.core.types import Query, QueryKind
 
 _EXPLAIN_WORDS = frozenset({"what", "which", "how", "why", "describe", "explain", "summarise", "summarize", "compare"})
+_BEFORE = frozenset({"in", "at", "on", "of", "from", "to", "for", "by", "with", "and", "so", "please"})
 _FIND_PAIRS = frozenset(
     {("where", "is"), ("where", "are"), ("where", "can"), ("where", "could"), ("take", "me"), ("i", "want"),
      ("show", "me"), ("guide", "me"), ("bring", "me"), ("the", "nearest"), ("the", "closest")}
@@ -21,4 +22,5 @@ def decide_kind(query: Query) -> QueryKind:
     spoken = words(query.text or "")
     if not spoken or any(pair in _FIND_PAIRS for pair in pairwise(spoken)):
         return "find"
-    return "explain" if spoken[0] in _EXPLAIN_WORDS else "find"
+    asking = spoken[1] if len(spoken) > 1 and spoken[0] in _BEFORE else spoken[0]  # in which season …
+    return "explain" if asking in _EXPLAIN_WORDS else "find"

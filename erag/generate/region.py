@@ -27,16 +27,20 @@ _AROUND = re.compile(
     rf"\b(?:around|near|nearby|close to|next to|beside|by|surrounding|surroundings of|vicinity of) (?P<what>.+?){_END}"
 )
 _IN = re.compile(rf"\b(?:in|inside|at|on|of) (?P<what>(?:the|this|that|our|my) .+?){_END}")
+_DESCRIBE = re.compile(
+    rf"^(?:please )?(?:describe|explain|summari[sz]e|tell me about)(?: to me| me)? (?P<what>(?:the|this|that|our|my) .+?){_END}"
+)
 _HERE = frozenset({"here", "me", "us", "the robot", "this place", "this spot", "where i am", "my position"})
 _MOST = 0.6  # a place named by more of the views than this is the whole map
+_ENDS = 8  # places of one name that are tried as ends of a way
 LEAST = 3  # views a named area has at least
 
 
 class Routes(Protocol):
     """What a way needs of a router."""
 
-    def route(self, start: Pose | None, goal: str) -> Route:
-        """The shortest way from a pose to a node."""
+    def route(self, start: Pose | str | None, goal: str) -> Route:
+        """The shortest way from a pose or a node to a node."""
         ...
 
 
@@ -81,7 +85,7 @@ class Regions:
 
     def _inside(self, spoken: str) -> Region | None:
         """Views that name an area themselves."""
-        for match in _IN.finditer(spoken):
+        for match in (*_DESCRIBE.finditer(spoken), *_IN.finditer(spoken)):
             rows = self._naming(match["what"])
             if LEAST <= len(rows) <= _MOST * max(int(self._corpus.searchable.sum()), 1):
                 return Region(rows, match["what"])
@@ -93,8 +97,8 @@ class Regions:
             return None
         start, goal = (next((g for k in keys if (g := match[k])), None) for keys in (_STARTS, _GOALS))
         ends = self._anchors(goal or "", at)
-        poses = [at] if start is None else [self._pose(row) for row in self._anchors(start, at)]
-        ways = [self._routes.route(pose, self._id(row)) for pose in poses if pose for row in ends[:8]]
+        starts: list[Pose | str | None] = [at] if start is None else [self._id(row) for row in self._anchors(start, at)]
+        ways = [self._routes.route(begin, self._id(row)) for begin in starts[:_ENDS] if begin for row in ends[:_ENDS]]
         driven = [way for way in ways if way.status == "ok" and way.length_m is not None and len(way.nodes) > 1]
         if not driven:
             return None
@@ -133,9 +137,6 @@ class Regions:
             return None
         rows = np.unique(np.concatenate([self._sight.near(int(row), metres) for row in centres]))
         return Region(rows, name)
-
-    def _pose(self, row: int) -> Pose:
-        return self._corpus.topomap.nodes[row].pose
 
     def _id(self, row: int) -> str:
         return self._corpus.topomap.nodes[row].id

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ _LOCAL = frozenset({"here", "nearby", "around"})
 _WHOLE = word_set("""
     overall whole entire across everywhere environment area map building campus city images views place general all
 """)
-PARTS, LEAST_PART = 6, 2  # regions told of a scope, and the views a region has at least
+PARTS, LEAST_PART = 10, 2  # regions told of a scope, and the views a region has at least
 LOCAL_VIEWS = 8  # the smallest region that "here" means, in views
 GATHERED, PART = 0.8, 0.25  # this share of the hits inside this share of the map makes a region
 
@@ -59,17 +60,23 @@ class Scopes:
         rows = found.rows[eligible[found.rows] & self._corpus.searchable[found.rows]]
         return Scope(rows, found.name) if len(rows) else None
 
-    def parts(self, scope: Scope) -> tuple[tuple[str, IntArray], ...]:
-        """The regions a scope consists of, a handful, by name: clusters of the level that has about `PARTS` of them."""
+    def parts(self, scope: Scope, name: Callable[[IntArray], str]) -> tuple[tuple[str, IntArray], ...]:
+        """The regions a scope consists of, by name: clusters of the level that has about `PARTS` of them in it.
+
+        `name` says what place the base nodes of one are; those of the same name are one, and those of none left out.
+        """
         inside = set(scope.rows.tolist())
-        by_level: dict[int, list[tuple[str, IntArray]]] = {}
+        by_level: dict[int, list[IntArray]] = {}
         for cluster, below in zip(self._corpus.forest.clusters, self._below, strict=True):
             rows = np.array([r for r in below.tolist() if r in inside], np.int64)
-            if len(rows) >= LEAST_PART and cluster.name:
-                by_level.setdefault(cluster.level, []).append((cluster.name, rows))
+            if len(rows) >= LEAST_PART:
+                by_level.setdefault(cluster.level, []).append(rows)
         several = [found for found in by_level.values() if len(found) > 1]
-        chosen = min(several, key=lambda found: abs(len(found) - PARTS), default=[])
-        return tuple(sorted(chosen, key=lambda part: (-len(part[1]), part[0]))[:PARTS])
+        joined: dict[str, list[IntArray]] = {}
+        for rows in min(several, key=lambda found: abs(len(found) - PARTS), default=[]):
+            joined.setdefault(name(rows), []).append(rows)
+        named = ((said, np.sort(np.concatenate(rows))) for said, rows in joined.items() if said)
+        return tuple(sorted(named, key=lambda part: (-len(part[1]), part[0])))
 
     def _name(self, cluster: int | None) -> str:
         if cluster is None:
