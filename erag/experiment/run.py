@@ -122,11 +122,13 @@ class Experiment:
         self._set_aside(known.values(), kept)
         totals, done = Counter(asked.name for asked, _, _ in due), Counter[str]()
         with Appender(self.folder.predictions) as file:
-            for asked, question, mode in due:
+            for i, (asked, question, mode) in enumerate(due):
                 file.add(self._predicted(asked, question, mode))
                 done[asked.name] += 1
                 self.asked_now += 1
                 self._progress(asked.name, done[asked.name], totals[asked.name])
+                if i + 1 == len(due) or due[i + 1][0] is not asked:
+                    asked.release()
         return read_predictions(self.folder.predictions)
 
     def _predicted(self, asked: Asked, question: Posed, mode: Mode) -> Prediction:
