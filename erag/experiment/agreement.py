@@ -28,20 +28,47 @@ FAR = 1 << 30  # the place of a node that is not in the head of the ranking
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """Labelled pairs of one data set with the votes on them: labels, queries, kinds and places (n,)."""
+    """Labelled pairs of one data set with the votes on them: labels, queries, kinds, nodes and places (n,)."""
 
     votes: Votes
     labels: npt.NDArray[np.bool_]
     queries: tuple[str, ...]
     kinds: tuple[str, ...]
+    nodes: tuple[str, ...]
     places: npt.NDArray[np.int64]
 
     def of(self, kept: npt.NDArray[np.bool_]) -> Tried:
         """The pairs that are kept."""
         rows = np.flatnonzero(kept)
         votes = replace(self.votes, values=self.votes.values[kept])
-        queries, kinds = (tuple(values[i] for i in rows) for values in (self.queries, self.kinds))
-        return Tried(votes, self.labels[kept], queries, kinds, self.places[kept])
+        queries, kinds, nodes = (tuple(values[i] for i in rows) for values in (self.queries, self.kinds, self.nodes))
+        return Tried(votes, self.labels[kept], queries, kinds, nodes, self.places[kept])
+
+    def records(self, data: str) -> list[TriedPair]:
+        """The pairs as lines of a file, so that every figure of agreement can be computed again."""
+        names, places = self.votes.judges, self.places.tolist()
+        return [
+            TriedPair(
+                data=data, query=self.queries[i], kind=self.kinds[i], node=self.nodes[i],
+                place=places[i] if places[i] < FAR else None, relevant=bool(self.labels[i]),
+                votes={n: v for n, v in zip(names, row, strict=True) if v == v},
+            )
+            for i, row in enumerate(self.votes.values.tolist())
+        ]  # fmt: skip
+
+
+class TriedPair(BaseModel):
+    """A pair the panel was tried on: its place in the ranking (None beside it), its label, the votes."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    data: str
+    query: str
+    kind: str
+    node: str
+    place: int | None
+    relevant: bool
+    votes: dict[str, float]
 
 
 class AgreementRow(BaseModel):
@@ -76,16 +103,17 @@ def tried(
     rankings = [[h.node for h in r.hits] for r in asker.ask_lines(lines, config.top)]
     pairs, labels, places, of = list[Pair](), list[bool](), list[int](), list[Posed]()
     for one, ranking in zip(asked, rankings, strict=True):
-        nodes = [*ranking, *_others(asker, one, ranking, config.others, seed)]
-        pairs += [Pair(one.question.asked, scene.environment.truths.of(node)) for node in nodes]
-        labels += [node in (one.question.relevant or ()) for node in nodes]
-        places += [*range(1, len(ranking) + 1), *[FAR] * (len(nodes) - len(ranking))]
-        of += [one] * len(nodes)
+        found = [*ranking, *_others(asker, one, ranking, config.others, seed)]
+        pairs += [Pair(one.question.asked, scene.environment.truths.of(node)) for node in found]
+        labels += [node in (one.question.relevant or ()) for node in found]
+        places += [*range(1, len(ranking) + 1), *[FAR] * (len(found) - len(ranking))]
+        of += [one] * len(found)
     environment = replace(scene.environment, questions=tuple(q.question for q in asked))
     votes = bench.panel(environment).vote(pairs)
     queries = tuple(f"{q.environment} {q.question.id}" for q in of)
     kinds = tuple(q.question.kind for q in of)
-    return Tried(votes, np.array(labels, np.bool_), queries, kinds, np.array(places, np.int64))
+    nodes = tuple(pair.truth.node for pair in pairs)
+    return Tried(votes, np.array(labels, np.bool_), queries, kinds, nodes, np.array(places, np.int64))
 
 
 def _others(asker: Asker, one: Posed, ranking: Sequence[str], most: int, seed: int) -> list[str]:
@@ -104,6 +132,7 @@ def joined(parts: Sequence[Tried]) -> Tried:
         np.concatenate([p.labels for p in parts]),
         tuple(q for p in parts for q in p.queries),
         tuple(k for p in parts for k in p.kinds),
+        tuple(n for p in parts for n in p.nodes),
         np.concatenate([p.places for p in parts]),
     )
 

@@ -21,7 +21,7 @@ from erag.experiment.config import JudgeConfig, PanelConfig
 from erag.lm.config import BackendConfig, WriterConfig, build_backend
 from erag.lm.journal import Journal
 from erag.lm.ledger import Ledger
-from erag.lm.roles import Embedder, RoleName
+from erag.lm.roles import Embedder, LMBackend, RoleName
 from erag.lm.weights import ModelStore
 from erag.memory.calls import Calls
 from erag.memory.file import MemoryFile
@@ -104,12 +104,14 @@ class Bench:
 
 @contextmanager
 def bench(
-    config: PanelConfig, embedder: Embedder, embedder_name: str, work: Path, store: ModelStore, progress: Progress
+    config: PanelConfig, embedder: LMBackend, embedder_name: str, work: Path, store: ModelStore, progress: Progress
 ) -> Iterator[Bench]:
     """The bench of an experiment; its record of calls, `judges.erag` in the work folder, serves all experiments."""
     work.mkdir(parents=True, exist_ok=True)
     with MemoryFile.writing(work / "judges.erag", "erag run", create=True) as memory:
-        yield Bench(config, embedder, embedder_name, store, memory.calls, Ledger(), progress)
+        ledger = Ledger()
+        recorded = Journal(embedder, memory.calls, ledger, progress)
+        yield Bench(config, recorded, embedder_name, store, memory.calls, ledger, progress)
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ class QuestionRecord(BaseModel):
 
     `at` is the L it is asked from and `drawn` that the seed chose it; `sensor` the wish asked in modes with S and
     `stated` that the data set states it; `radius_m` is R, `shortest_m` the way to the nearest node that answers,
-    `nearest_m` to the nearest node of all, unless it asks for a time; `relevant` counts labels, None where there are none; `worded` says
-    that it has a text, which a panel needs.
+    `nearest_m` to the nearest node of all, unless it asks for a time; `relevant` counts labels, None where there
+    are none; `worded` says that it has a text, which a panel needs.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -60,6 +60,10 @@ class Folder:
         return self.path / "agreement.jsonl"
 
     @property
+    def tried(self) -> Path:
+        return self.path / "tried.jsonl"
+
+    @property
     def stack(self) -> Path:
         return self.path / "stack.json"
 

@@ -19,7 +19,7 @@ from erag.data.registry import read
 from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
 from erag.evaluate.scene import Scene
 from erag.evaluate.text import SemanticSimilarity
-from erag.experiment.agreement import AgreementRow, Tried, agreement_rows, joined, stackable, tried
+from erag.experiment.agreement import AgreementRow, Tried, TriedPair, agreement_rows, joined, stackable, tried
 from erag.experiment.config import ExperimentConfig, Mode, SystemConfig, model_name
 from erag.experiment.judging import Voted, texts, voted
 from erag.experiment.machine import machine
@@ -122,11 +122,13 @@ class Experiment:
         self._set_aside(known.values(), kept)
         totals, done = Counter(asked.name for asked, _, _ in due), Counter[str]()
         with Appender(self.folder.predictions) as file:
-            for asked, question, mode in due:
+            for i, (asked, question, mode) in enumerate(due):
                 file.add(self._predicted(asked, question, mode))
                 done[asked.name] += 1
                 self.asked_now += 1
                 self._progress(asked.name, done[asked.name], totals[asked.name])
+                if i + 1 == len(due) or due[i + 1][0] is not asked:
+                    asked.release()
         return read_predictions(self.folder.predictions)
 
     def _predicted(self, asked: Asked, question: Posed, mode: Mode) -> Prediction:
@@ -192,15 +194,17 @@ class Experiment:
         config = self.config.panel.agreement
         if config is None:
             return []
-        rows, fitting = list[AgreementRow](), list[Tried]()
+        rows, fitting, pairs_tried = list[AgreementRow](), list[Tried](), list[TriedPair]()
         rules = [name for name, judge in self.config.panel.judges.items() if judge.kind == "labels"]
         for data in self.config.data:
             pairs = [found for g in grounds if g.source.data == data and (found := self._tried(g, grounds, seated))]
             if pairs:
                 whole = joined(pairs)
+                pairs_tried += whole.records(data)
                 names = stackable(whole.votes, rules)
                 rows += agreement_rows(data, whole, config.top, stack, names if len(names) > 1 else ())
                 fitting.append(whole)
+        write_records(self.folder.tried, pairs_tried)
         if self.config.panel.fit and fitting:
             whole = joined(fitting)
             where = ", ".join(f"{d} ({c.split or 'all splits'})" for d, c in self.config.data.items())

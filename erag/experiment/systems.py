@@ -110,6 +110,10 @@ class Asked:
         hits = self._measured(found.pop("nodes", []), posed)
         return Prediction.model_validate({**base, **found, "hits": hits})
 
+    def release(self) -> None:
+        """Let go of the memory; the models stay loaded for the next one."""
+        self._asker = self._naive = None
+
     def _load(self) -> None:
         if self._asker is None:
             self._asker = Asker(self._made.path, self._config, self._loaded.store, self._models)

@@ -25,7 +25,15 @@ def track(config: ExperimentConfig, folder: Folder) -> Path:
         raise ConfigError("wandb is not installed", where="--wandb", repair="pip install 'erag[experiment]'")
     import wandb
 
-    settings = wandb.Settings(mode="offline", silent=True, console="off", disable_git=True, save_code=False)
+    settings = wandb.Settings(
+        mode="offline",
+        silent=True,
+        console="off",
+        disable_git=True,
+        save_code=False,
+        x_disable_stats=True,
+        x_disable_meta=True,
+    )
     run = wandb.init(
         project=PROJECT, name=folder.path.name, dir=str(folder.path), settings=settings,
         config=config.model_dump(mode="json"), reinit="finish_previous",

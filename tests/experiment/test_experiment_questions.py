@@ -48,7 +48,7 @@ def test_modes_say_what_is_asked(scene: Scene, tmp_path: Path) -> None:
     assert not record_of(wordless, scene).worded
     windowed = next(q for q in questions if (q.question.line.raw or {}).get("since"))
     line = windowed.line("Q")
-    assert line is not None and line.raw is not None and "since" in line.raw
+    assert "since" in ((line and line.raw) or {})
     assert record_of(windowed, scene).nearest_m is None
 
 
@@ -81,7 +81,10 @@ def test_a_place_is_drawn_by_the_seed_where_none_is_stated(scene: Scene, tmp_pat
 
 
 def test_where_takes_several_values_and_an_absent_key(scene: Scene, tmp_path: Path) -> None:
-    sets = {"both": {"where": {"kind": ["explicit", "implicit"], "task": ["", "find"]}}, "none": {"where": {"task": "x"}}}
+    sets = {
+        "both": {"where": {"kind": ["explicit", "implicit"], "task": ["", "find"]}},
+        "none": {"where": {"task": "x"}},
+    }
     made = config(tmp_path, data={"campus": {"dataset": "sample"}}, sets=sets, tables=[])
     kinds = {q.question.kind for q in asked(scene, made)}
     assert kinds == {"explicit", "implicit"}
@@ -105,7 +108,7 @@ def _quiet(stage: str, done: int, total: int) -> None:
 
 
 def test_environments_that_are_not_there_are_named() -> None:
-    with pytest.raises(InputError, match="no environment 'moon'.*campus"):
+    with pytest.raises(InputError, match=r"no environment 'moon'.*campus"):
         environments("d", DataConfig(dataset="sample", environments=("moon",)))
     with pytest.raises(InputError, match="no environment of split 'train'"):
         environments("d", DataConfig(dataset="sample", split="train"))

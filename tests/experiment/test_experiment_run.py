@@ -9,11 +9,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from experiment_worlds import BM25, FAKE, NEVER, config, ran, raw
 
 from erag.core.errors import ConfigError, InputError
+from erag.evaluate.judges.agreement import auc
+from erag.experiment.agreement import AgreementRow, TriedPair
 from erag.experiment.config import ExperimentConfig
 from erag.experiment.join import join
 from erag.experiment.predictions import read_predictions, read_records
@@ -220,6 +223,17 @@ def test_a_stack_is_fitted_and_applied(work: Path, tmp_path: Path) -> None:
     assert votes
     assert all(0 <= vote["stack"] <= 1 for vote in votes)
     assert "| stack |" in (tmp_path / "run" / "README.md").read_text()
+
+
+def test_agreement_can_be_computed_again_from_the_pairs_that_were_tried(done: Path) -> None:
+    rows = read_records(done / "agreement.jsonl", AgreementRow)
+    pairs = read_records(done / "tried.jsonl", TriedPair)
+    row = next(r for r in rows if (r.kind, r.over, r.judge) == ("all", "top 5", "words"))
+    head = [p for p in pairs if p.place is not None and p.place <= 5 and "words" in p.votes]
+    assert (row.pairs, row.positives) == (len(head), sum(p.relevant for p in head))
+    again = auc(np.array([p.votes["words"] for p in head]), np.array([p.relevant for p in head]))
+    assert again == pytest.approx(row.auc)
+    assert any(p.place is None for p in pairs)
 
 
 def test_a_place_is_drawn_once_for_all_systems(done: Path) -> None:

@@ -93,7 +93,9 @@ def test_a_stack_is_kept_as_json(tmp_path: Path) -> None:
     made = fit_stack(votes([0.9, 0.1]), np.array([True, False]), ("a",), fitted_on="worlds for training")
     made.save(tmp_path / "stack.json")
     assert read_stack(tmp_path / "stack.json") == made
-    (tmp_path / "bad.json").write_text('{"judges": ["a"], "weights": [], "means": [0], "deviations": [1], "intercept": 0}')
+    (tmp_path / "bad.json").write_text(
+        '{"judges": ["a"], "weights": [], "means": [0], "deviations": [1], "intercept": 0}'
+    )
     for name in ("bad.json", "none.json"):
         with pytest.raises(InputError, match="no stack"):
             read_stack(tmp_path / name)
