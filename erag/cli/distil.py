@@ -23,19 +23,15 @@ def distil(
     """Train a student and write it with its card. Interrupted, it goes on where it was."""
     from erag.lm.weights import default_store
     from erag.pipeline.config import apply_override, read_yaml, validate
-    from erag.study.config import DistilConfig
-    from erag.study.distil import distil as run
+    from erag.study import kinds
 
     raw = read_yaml(config)
     for override in overrides or ():
         apply_override(raw, override)
+    chosen = validate(kinds.AnyDistil, raw, str(config)).root
     with show.progress_bars() as progress:
-        report = run(validate(DistilConfig, raw, str(config)), default_store(), progress)
-    rows = [
-        (name, str(j.quality.images), str(j.quality.precision), str(j.quality.recall), str(j.quality.f1),
-         str(j.quality.place))
-        for name, j in report.figures.items()
-    ]  # fmt: skip
-    show.table(("worlds", "images", "precision", "recall", "F1", "place"), rows, right=("images",))
+        report = kinds.run(chosen, default_store(), progress)
+    shown = report.table()
+    show.table(shown.header, shown.rows, right=shown.right)
     seconds = ", ".join(f"{stage} {taken:.0f} s" for stage, taken in report.seconds.items())
     show.say(f"{report.out} ({report.bytes:,} bytes, card beside it); {seconds}")

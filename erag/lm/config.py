@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from erag.lm.adapter import Adapter, AdapterConfig
 from erag.lm.blip import Blip, BlipConfig
 from erag.lm.clip import Clip, ClipConfig
 from erag.lm.compose import compose
@@ -42,13 +43,21 @@ class TorchLMRoles(TorchLMConfig):
 
 CaptionerConfig = TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | SignsConfig
 ModelConfig = Annotated[
-    SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | OpenAIRoles | ReplayConfig | FakeConfig,
+    SentenceConfig
+    | LlamaCppRoles
+    | TorchLMRoles
+    | CaptionerConfig
+    | AdapterConfig
+    | OpenAIRoles
+    | ReplayConfig
+    | FakeConfig,
     Field(discriminator="kind"),
 ]
 # What writes and judges text: every kind of model that generates and scores.
 WriterConfig = Annotated[LlamaCppRoles | TorchLMRoles | FakeConfig, Field(discriminator="kind")]
 _LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]] = {
     SentenceConfig: SentenceEmbedder,
+    AdapterConfig: Adapter,
     TaggerConfig: Tagger,
     StudentConfig: Student,
     ClipConfig: Clip,

@@ -29,6 +29,7 @@ from erag.study.config import DistilConfig
 from erag.study.examples import Example, Words, every, words_of
 from erag.study.judging import Judged, judge_views, judge_words, searched
 from erag.study.posing import render_studios, render_views
+from erag.study.shown import Shown
 from erag.study.targets import Targets, targets
 from erag.study.thresholds import best_thresholds
 from erag.study.worlds import read_worlds, render
@@ -50,6 +51,15 @@ class Report:
     trained_on: int
     figures: Mapping[str, Judged]
     seconds: Mapping[str, float]
+
+    def table(self) -> Shown:
+        """The figures for the terminal."""
+        rows = [
+            (name, str(j.quality.images), str(j.quality.precision), str(j.quality.recall), str(j.quality.f1),
+             str(j.quality.place))
+            for name, j in self.figures.items()
+        ]  # fmt: skip
+        return Shown(("worlds", "images", "precision", "recall", "F1", "place"), rows, ("images",))
 
 
 class _Clock:

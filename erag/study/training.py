@@ -6,8 +6,6 @@ This module imports torch and Lightning; it is itself imported only where a stud
 from __future__ import annotations
 
 import copy
-import logging
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
@@ -15,51 +13,19 @@ from typing import Any, cast
 import lightning
 import torch
 import torch.nn.functional as nnf
-from torch.utils.data import DataLoader, Dataset, Sampler
 
-from erag.core.errors import InputError
 from erag.core.progress import Progress
 from erag.lm.features import Maps
 from erag.lm.probe import choose_dtype
 from erag.lm.student_network import Seen, StudentNetwork
 from erag.lm.student_words import StudentWords
+from erag.study import loop
 from erag.study.config import TrainingConfig
 from erag.study.targets import UNKNOWN, Targets
 
-LAST = "last.ckpt"
 _TEMPERATURE = 0.07
 _SAMPLE = 256  # images from which the scale of the features is taken
 Losses = dict[str, torch.Tensor]
-
-
-class _Rows(Dataset[int]):
-    """The numbers of the examples; tensors are taken a batch at a time."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, index: int) -> int:
-        return index
-
-
-class _Order(Sampler[int]):
-    """An order of the examples that depends on seed and epoch alone; Lightning tells the epoch."""
-
-    def __init__(self, count: int, seed: int) -> None:
-        self._count, self._seed, self._epoch = count, seed, 0
-
-    def set_epoch(self, epoch: int) -> None:
-        self._epoch = epoch
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __iter__(self) -> Iterator[int]:
-        generator = torch.Generator().manual_seed(self._seed * 100_003 + self._epoch)
-        return iter(torch.randperm(self._count, generator=generator).tolist())
 
 
 class Distillation(lightning.LightningModule):
@@ -78,7 +44,7 @@ class Distillation(lightning.LightningModule):
 
     def training_step(self, batch: torch.Tensor, index: int) -> torch.Tensor:
         """The loss of the examples numbered by `batch` (b,)."""
-        torch.manual_seed((self._config.seed * 7919 + self.current_epoch) * 1_000_003 + index)
+        loop.step_seed(self._config.seed, self.current_epoch, index)
         fine, coarse, truth = self._augmented(batch)
         with torch.autocast("cpu", torch.bfloat16, enabled=self._half):
             seen = self.network(fine, coarse)
@@ -95,13 +61,8 @@ class Distillation(lightning.LightningModule):
                 slow.lerp_(fast, 1 - follow)
 
     def configure_optimizers(self) -> Any:
-        """AdamW; the rate warms up over a tenth of the steps and falls along a cosine."""
-        decayed = [p for p in self.network.parameters() if p.ndim > 1]
-        plain = [p for p in self.network.parameters() if p.ndim <= 1]
-        groups = [{"params": decayed, "weight_decay": self._config.decay}, {"params": plain, "weight_decay": 0.0}]
-        optimiser = torch.optim.AdamW(groups, lr=self._config.rate)
-        plan = torch.optim.lr_scheduler.OneCycleLR(optimiser, self._config.rate, total_steps=self._steps, pct_start=0.1)
-        return {"optimizer": optimiser, "lr_scheduler": {"scheduler": plan, "interval": "step"}}
+        """See `loop.plan`."""
+        return loop.plan(self.network, self._config, self._steps)
 
     def _augmented(self, batch: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, Targets]:
         """Features and targets of a batch, the whole batch mirrored or not, and some channels put out."""
@@ -167,20 +128,6 @@ def _text(vector: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     return near + 0.2 * nnf.cross_entropy(scores, torch.arange(len(truth)))
 
 
-class _Saving(lightning.Callback):
-    """Keep the state after every epoch: written beside the last one and then put in its place."""
-
-    def __init__(self, folder: Path, progress: Progress) -> None:
-        self._folder, self._progress = folder, progress
-
-    def on_train_epoch_end(self, trainer: lightning.Trainer, pl_module: lightning.LightningModule) -> None:
-        del pl_module
-        fresh = self._folder / "fresh.ckpt"
-        trainer.save_checkpoint(fresh, weights_only=False)
-        fresh.replace(self._folder / LAST)
-        self._progress("epochs", trainer.current_epoch + 1, trainer.max_epochs or 0)
-
-
 def train(
     words: StudentWords, config: TrainingConfig, maps: Maps, truth: Targets, folder: Path, progress: Progress
 ) -> StudentNetwork:
@@ -188,28 +135,7 @@ def train(
 
     Raises InputError where there are fewer examples than a batch.
     """
-    count, size = len(maps.fine), config.batch_size
-    if count < size:
-        raise InputError(f"{count} images to train on", allowed=f"at least a batch of {size}")
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advertises
-    torch.set_num_threads(config.threads or torch.get_num_threads())
-    folder.mkdir(parents=True, exist_ok=True)
-    module = Distillation(words, config, maps, truth, steps=config.epochs * (count // size))
-    loader = DataLoader(_Rows(count), batch_size=size, sampler=_Order(count, config.seed), drop_last=True)
-    trainer = lightning.Trainer(
-        accelerator="cpu", max_epochs=config.epochs, deterministic=True, gradient_clip_val=1.0, num_sanity_val_steps=0,
-        logger=_loggers(config, folder), callbacks=[_Saving(folder, progress)], enable_checkpointing=False,
-        enable_progress_bar=False, enable_model_summary=False, default_root_dir=folder, log_every_n_steps=1,
-    )  # fmt: skip
-    last = folder / LAST
-    trainer.fit(module, loader, ckpt_path=str(last) if last.is_file() else None, weights_only=True)
+    steps = loop.steps_of(len(maps.fine), config)
+    module = Distillation(words, config, maps, truth, steps)
+    loop.fit(module, len(maps.fine), config, folder, progress)
     return module.average.eval()
-
-
-def _loggers(config: TrainingConfig, folder: Path) -> list[Any]:
-    from lightning.pytorch.loggers import CSVLogger, WandbLogger
-
-    loggers: list[Any] = [CSVLogger(folder, name="csv", version="")]
-    if config.wandb:
-        loggers.append(WandbLogger(project="erag-distil", save_dir=folder, offline=True))
-    return loggers

@@ -110,19 +110,19 @@ def test_a_killed_training_ends_with_the_same_student(
     taught: tuple[DistilConfig, Report], worlds: Path, store: ModelStore, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    from erag.study import training
+    from erag.study import loop
 
     class Killed(Exception):
         pass
 
-    config, saved = _config(worlds, tmp_path), training._Saving.on_train_epoch_end
+    config, saved = _config(worlds, tmp_path), loop.Saving.on_train_epoch_end
 
-    def kill(self: training._Saving, trainer: object, pl_module: object) -> None:
+    def kill(self: loop.Saving, trainer: object, pl_module: object) -> None:
         saved(self, trainer, pl_module)  # type: ignore[arg-type]
         if trainer.current_epoch == 5:  # type: ignore[attr-defined]
             raise Killed
 
-    monkeypatch.setattr(training._Saving, "on_train_epoch_end", kill)
+    monkeypatch.setattr(loop.Saving, "on_train_epoch_end", kill)
     with pytest.raises(Killed):
         distil(config, store)
     monkeypatch.undo()

@@ -1,0 +1,51 @@
+"""The kinds of students, and what trains each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Protocol
+
+from pydantic import ConfigDict, Field, RootModel
+
+from erag.core.progress import Progress, quiet
+from erag.lm.weights import ModelStore
+from erag.study.config import DistilConfig
+from erag.study.shown import Shown
+from erag.study.textconfig import AdapterDistil
+
+Distil = DistilConfig | AdapterDistil
+
+
+class AnyDistil(RootModel[Annotated[Distil, Field(discriminator="kind")]]):
+    """A student's configuration file."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class Report(Protocol):
+    """What came of a training, whatever was trained."""
+
+    @property
+    def out(self) -> Path: ...
+
+    @property
+    def bytes(self) -> int: ...
+
+    @property
+    def seconds(self) -> Mapping[str, float]: ...
+
+    def table(self) -> Shown: ...
+
+
+def run(config: Distil, store: ModelStore, progress: Progress = quiet) -> Report:
+    """Train, judge and write a student with its card; what is imported depends on its kind."""
+    match config:
+        case DistilConfig():
+            from erag.study.distil import distil as captioner
+
+            return captioner(config, store, progress)
+        case AdapterDistil():
+            from erag.study.selector import distil as selector
+
+            return selector(config, store, progress)

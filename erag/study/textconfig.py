@@ -1,0 +1,55 @@
+"""What `erag distil` runs for students of text roles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from erag.lm.adapter import EmbedderConfig
+from erag.lm.config import ModelConfig
+from erag.lm.sentence import SentenceConfig
+from erag.study.decisions import DecisionSource
+
+
+class _Config(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class TextTraining(_Config):
+    """How a student of a text role is trained; the same numbers come out of a run that was killed and resumed."""
+
+    epochs: int = Field(30, ge=1, le=1000)
+    batch_size: int = Field(64, ge=2, le=4096)
+    rate: float = Field(2e-3, gt=0, le=1, description="highest learning rate; warm-up and cosine around it")
+    decay: float = Field(0.05, ge=0, le=1, description="weight decay of matrices")
+    dropout: float = Field(0.4, ge=0, lt=1, description="of components of the frozen vectors")
+    seed: int = 0
+    wandb: bool = True
+    threads: int | None = Field(None, ge=1, le=1024)
+
+
+class AdapterDistil(_Config):
+    """An adapter on frozen embeddings, taught by decisions; it plays select and score.
+
+    The loss of a decision is (1 - `relevance`) × the cross-entropy over its cards + `relevance` × the binary one of its
+    cards and of `negatives` cards of other decisions, each on its own: a selector needs the first, a scorer the second.
+    `folds` of questions, and of sets of cards, are each left out once; the figures are of what was left out. `compare`
+    are models that select, judged on the same decisions.
+    """
+
+    kind: Literal["selector", "scorer"]
+    decisions: tuple[DecisionSource, ...] = Field(min_length=1)
+    taught_by: str = Field(max_length=500, description="the teacher, and what follows for the use of the weights")
+    embedder: EmbedderConfig = SentenceConfig(dtype="float32")
+    rank: int = Field(128, ge=1, le=1024)
+    members: int = Field(4, ge=1, le=64)
+    relevance: float = Field(0.2, ge=0, le=1)
+    negatives: int = Field(8, ge=1, le=256)
+    folds: int = Field(5, ge=2, le=20)
+    compare: dict[str, ModelConfig] = {}
+    work: Path = Path("experiments/distil/selector")
+    out: Path = Path("checkpoints/selector.safetensors")
+    training: TextTraining = TextTraining()
+    resamples: int = Field(2000, ge=10, description="of the bootstrap over questions, or over sets of cards")

@@ -1,0 +1,224 @@
+"""An adapter taught by made-up decisions over word-count vectors: it learns, resumes, and plays its roles."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lightning", reason="needs erag[train]")
+
+from erag.core.errors import InputError, ModelError
+from erag.lm.adapter import Adapter, AdapterConfig
+from erag.lm.config import BackendConfig, build_backend
+from erag.lm.fake import FakeConfig
+from erag.lm.roles import SelectTask
+from erag.lm.weights import ModelStore
+from erag.study.calibration import area, platt
+from erag.study.decisions import ChatDecisions, RecordedDecisions, read_decisions
+from erag.study.pairs import folds
+from erag.study.selector import QUESTIONS, SETS, STRICT, STUDENT, Report, distil
+from erag.study.textconfig import AdapterDistil, TextTraining
+
+# What nobody can know without having been taught: a need is met by a thing that shares no word with it.
+MET = {
+    "thirsty": "fountain", "tired": "sofa", "hungry": "cafeteria", "lost": "signpost", "cold": "radiator",
+    "dirty": "washbasin", "late": "clock", "bored": "television",
+}  # fmt: skip
+SETS_OF = [tuple(np.random.default_rng(i).permutation(list(MET.values()))[:4]) for i in range(12)]
+SAYING = ("I am {}.", "My friend is {} now.", "We are so {} today!", "They must be {}, help!", "Somebody looks {}.")
+
+
+def _chat(query: str, things: tuple[str, ...], answer: str) -> str:
+    cards = "\n\n".join(
+        f"{n}. Location Details:\n   ID: {t}_{n}\n   Name: {t}_zone\n   Summary: A room with a {t} in it.\n   ---"
+        for n, t in enumerate(things, 1)
+    )
+    asked = f"Query: {query}\nContext: Available Locations for Selection:\n\n{cards}\nInstruction: Choose."
+    return json.dumps({"messages": [{"role": "user", "content": asked}, {"role": "assistant", "content": answer}]})
+
+
+@pytest.fixture(scope="module")
+def chats(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("chats") / "decisions.jsonl"
+    lines = [
+        _chat(say.format(need), things, f"{met}_{things.index(met) + 1}")
+        for things in SETS_OF
+        for need, met in MET.items()
+        if met in things
+        for say in SAYING
+    ]
+    path.write_text("\n".join([*lines, lines[0], _chat("Where?", ("sofa",), "sofa_1")]))
+    return path
+
+
+def _config(chats: Path, out: Path) -> AdapterDistil:
+    return AdapterDistil(
+        kind="selector", decisions=(ChatDecisions(kind="chats", paths=(chats,)),), taught_by="Taught by a rule.",
+        embedder=FakeConfig(dim=96), rank=16, members=2, folds=3, work=out / "work", out=out / "selector.safetensors",
+        training=TextTraining(epochs=12, batch_size=16, rate=1e-2, dropout=0.1, wandb=False), resamples=50,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> ModelStore:
+    root = tmp_path_factory.mktemp("store")
+    return ModelStore(root / "manifests", root / "files")
+
+
+@pytest.fixture(scope="module")
+def taught(chats: Path, store: ModelStore, tmp_path_factory: pytest.TempPathFactory) -> tuple[AdapterDistil, Report]:
+    config = _config(chats, tmp_path_factory.mktemp("taught"))
+    return config, distil(config, store)
+
+
+def test_it_learns_what_no_word_gives_away(taught: tuple[AdapterDistil, Report]) -> None:
+    _, report = taught
+    for split in (QUESTIONS, SETS):
+        assert report.agreement[split][STUDENT].mean > 0.9
+        assert report.agreement[split]["cosine"].mean < 0.6
+        assert report.area[split][STUDENT].mean > 0.9 > report.area[split]["cosine"].mean
+    assert report.chance == 0.25
+    assert report.agreement[SETS][STRICT].mean <= report.agreement[SETS][STUDENT].mean
+
+
+def test_the_card_says_what_was_measured_and_whose_choices_it_learnt(taught: tuple[AdapterDistil, Report]) -> None:
+    config, report = taught
+    card = config.out.with_suffix(".md").read_text()
+    assert "Taught by a rule." in card
+    assert f"{report.agreement[SETS][STUDENT].mean:.3f} [" in card
+    assert f"{report.sets} sets of one" in card
+    figures = json.loads((config.work / "figures.json").read_text())
+    assert figures["agreement"][QUESTIONS][STUDENT]["mean"] == report.agreement[QUESTIONS][STUDENT].mean
+
+
+def _adapter(config: AdapterDistil, store: ModelStore, **more: object) -> Adapter:
+    return Adapter(AdapterConfig(checkpoint=config.out, embedder=config.embedder, **more), store)  # type: ignore[arg-type]
+
+
+def test_it_selects_whatever_the_order_of_the_cards(taught: tuple[AdapterDistil, Report], store: ModelStore) -> None:
+    adapter = _adapter(taught[0], store)
+    cards = tuple(f"{thing} zone. A room with a {thing} in it." for thing in MET.values())
+    tasks = [SelectTask(f"I am {need}.", cards) for need in MET]
+    assert [picks[0] for picks in adapter.select(tasks, 3)] == list(range(len(MET)))
+    turned = adapter.select([SelectTask(task.query, task.cards[::-1]) for task in tasks], 3)
+    assert [[len(MET) - 1 - i for i in picks] for picks in turned] == adapter.select(tasks, 3)
+    assert adapter.select([SelectTask("I am tired.", ("one",))], 3) == [[0]]
+    assert adapter.select([], 3) == []
+
+
+def test_scores_are_chances_of_single_pairs(taught: tuple[AdapterDistil, Report], store: ModelStore) -> None:
+    adapter = _adapter(taught[0], store)
+    pairs = [(f"I am {need}.", f"{t} zone. A room with a {t} in it.") for need in MET for t in MET.values()]
+    scores = adapter.score(pairs)
+    right = np.array([MET[q.removeprefix("I am ").strip(".")] == c.split()[0] for q, c in pairs], float)
+    assert area(scores.astype(float), right) > 0.9
+    assert scores.dtype == np.float32
+    assert ((scores >= 0) & (scores <= 1)).all()
+    assert adapter.score([pairs[5]])[0] == pytest.approx(scores[5], abs=1e-6)
+    assert adapter.score([]).shape == (0,)
+
+
+def test_it_is_a_backend_and_forgets_what_it_may(taught: tuple[AdapterDistil, Report], store: ModelStore) -> None:
+    config, _ = taught
+    model = {"kind": "adapter", "checkpoint": config.out, "embedder": {"kind": "fake", "dim": 96}, "kept": 2}
+    backend = build_backend(
+        BackendConfig.model_validate({"models": {"a": model}, "roles": {"select": "a", "score": "a"}}), store
+    )
+    tasks = [SelectTask("I am cold.", ("sofa", "radiator", "clock")), SelectTask("I am late.", ("clock", "fountain"))]
+    assert backend.select(tasks, 1) == _adapter(config, store).select(tasks, 1)
+    assert backend.select(tasks, 1) == backend.select(tasks, 1)
+    assert json.loads(backend.identity("select"))["kind"] == "adapter"
+
+
+def test_another_embedder_and_what_is_no_checkpoint_are_refused(
+    taught: tuple[AdapterDistil, Report], store: ModelStore, tmp_path: Path
+) -> None:
+    other = Adapter(AdapterConfig(checkpoint=taught[0].out, embedder=FakeConfig(dim=96, seed=1)), store)
+    with pytest.raises(ModelError, match="was trained on vectors"):
+        other.select([SelectTask("I am cold.", ("sofa", "clock"))], 1)
+    (tmp_path / "text").write_text("not a checkpoint")
+    for path, said in ((tmp_path / "none", "no such checkpoint"), (tmp_path / "text", "no checkpoint of kind adapter")):
+        with pytest.raises(ModelError, match=said):
+            Adapter(AdapterConfig(checkpoint=path), store).identity("select")
+
+
+def test_the_same_bytes_after_kill_9(taught: tuple[AdapterDistil, Report], chats: Path, tmp_path: Path) -> None:
+    """A process of its own is killed once a fold has been trained for some epochs, and started again."""
+    config = _config(chats, tmp_path)
+    written = tmp_path / "config.json"
+    written.write_text(config.model_dump_json())
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom erag.lm.weights import ModelStore\n"
+        "from erag.study.selector import distil\nfrom erag.study.textconfig import AdapterDistil\n"
+        "config = AdapterDistil.model_validate_json(Path(sys.argv[1]).read_text())\n"
+        "distil(config, ModelStore(config.work / 'm', config.work / 'f'))\n"
+    )
+    command = [sys.executable, "-c", code, str(written)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while not list(config.work.glob("run-*/*1/last.ckpt")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert not config.out.exists()
+    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    assert config.out.read_bytes() == taught[0].out.read_bytes()
+    figures = [json.loads((work / "figures.json").read_text())["agreement"] for work in (config.work, taught[0].work)]
+    assert figures[0] == figures[1]
+
+
+def test_recorded_decisions_are_read_from_a_memory(tmp_path: Path) -> None:
+    from erag.lm.fake import Fake
+    from erag.lm.journal import Journal
+    from erag.memory.file import MemoryFile
+
+    tasks = [SelectTask("a red door", ("blue door", "red door", "wall")), SelectTask("one", ("only",))]
+    with MemoryFile.writing(tmp_path / "m.erag", "test", create=True) as memory:
+        Journal(Fake(), memory.calls).select(tasks, 2)
+    found = read_decisions([RecordedDecisions(kind="records", paths=(tmp_path / "m.erag",))])
+    assert [(d.query, d.cards, d.chosen) for d in found] == [("a red door", ("blue door", "red door", "wall"), 1)]
+
+
+def test_decisions_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "d.jsonl"
+    for text, said in (("{}", "no chat"), (_chat("?", (), "x"), "no location"), ('{"messages": 1}', "no chat")):
+        path.write_text(text)
+        with pytest.raises(InputError, match=said):
+            read_decisions([ChatDecisions(kind="chats", paths=(path,))])
+    path.write_text(_chat("Where?", ("sofa", "clock"), "none_of_them"))
+    with pytest.raises(InputError, match="no decision"):
+        read_decisions([ChatDecisions(kind="chats", paths=(path,))])
+
+
+def test_groups_stay_together_and_folds_are_even() -> None:
+    groups = [f"g{i % 23}" for i in range(400)] + ["large"] * 60
+    fold = folds(groups, 5, seed=3)
+    assert all(len(set(fold[np.array(groups) == g])) == 1 for g in set(groups))
+    assert np.bincount(fold, minlength=5).max() - np.bincount(fold, minlength=5).min() <= 60
+    assert (fold == folds(groups, 5, seed=3)).all()
+    assert (fold != folds(groups, 5, seed=4)).any()
+
+
+def test_calibration_and_area() -> None:
+    rng = np.random.default_rng(0)
+    logits = rng.normal(size=4000)
+    right = (rng.random(4000) < 1 / (1 + np.exp(-(2 * logits - 1)))).astype(float)
+    slope, offset = platt(logits, right)
+    assert slope == pytest.approx(2, abs=0.25)
+    assert offset == pytest.approx(-1, abs=0.15)
+    assert area(np.array([1.0, 2, 2, 3]), np.array([0.0, 0, 1, 1])) == pytest.approx(0.875)
+    assert np.isnan(area(np.ones(3), np.ones(3)))
+
+
+@pytest.mark.shared
+def test_the_published_decisions_are_what_is_known_of_them(shared: Path) -> None:
+    folder = shared / "data" / "retrieval_qa"
+    found = read_decisions([ChatDecisions(kind="chats", paths=(folder / "train.jsonl", folder / "test.jsonl"))])
+    assert (len(found), len({d.query for d in found}), len({d.group for d in found})) == (1860, 467, 26)
+    assert np.mean([d.chosen == 0 for d in found]) == pytest.approx(0.384, abs=1e-3)
