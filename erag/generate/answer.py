@@ -20,7 +20,7 @@ from erag.generate.memories import Recalled
 from erag.generate.overview import Overview
 from erag.generate.region import Regions
 from erag.generate.scope import Scope, Scopes
-from erag.generate.sufficiency import Sufficiency
+from erag.generate.sufficiency import Sufficiency, names_what_it_wants
 from erag.generate.telling import Told
 from erag.generate.views import View, Views
 from erag.lm.ledger import Ledger
@@ -127,7 +127,8 @@ class Answerer:
         self, kind: QueryKind, text: str, vector: Vectors, eligible: Eligible, probability: float | None
     ) -> bool:
         if kind == "find" and probability is not None:
-            return probability < self._config.least_probability
+            named = names_what_it_wants(text)
+            return probability < (self._config.least_named if named else self._config.least_probability)
         least = self._config.least_evidence if kind == "find" else self._config.least_explained
         return least > 0 and self._enough.evidence(text, vector, eligible) < least
 

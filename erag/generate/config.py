@@ -25,7 +25,8 @@ class AnswerConfig(BaseModel):
 
     reason: Literal["quote", "written"] = "quote"
     explain: Literal["quotes", "written"] = "quotes"
-    least_probability: Share = 0.3
+    least_probability: Share = 0.2
+    least_named: Share = 0.75
     overview: bool = True
     least_evidence: Share = 0.3
     least_explained: Share = 0.2

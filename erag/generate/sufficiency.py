@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +19,17 @@ _ASKING = word_set("""
     find where take show me nearest closest place somewhere anywhere want would like look looking go get need have can
     could should may please there here bring guide way see
 """)
+
+_NAMES = re.compile(
+    r"\W*(?:please )?(?:find|show|take|guide|bring|lead|is there|are there|(?:i am |i'm )?looking for"
+    r"|(?:which|what) (?:spot|place)s? (?:has|have)|where (?:is|are|can i find|do i find) (?:the|a|an|some|any)\b)",
+    re.IGNORECASE,
+)
+
+
+def names_what_it_wants(text: str) -> bool:
+    """Whether a request has the form of those that name a thing ("Find a bench."), rather than tell a wish."""
+    return _NAMES.match(text) is not None
 
 
 class Sufficiency:
