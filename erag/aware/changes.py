@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -137,7 +136,7 @@ class Comparison:
 
     def _near(self, row: int, among: IntArray) -> IntArray:
         near = self._sight.near(row, 2 * self._sight.reach)
-        return near[np.isin(near, among, assume_unique=True) & (near != row)]
+        return np.asarray(near[np.isin(near, among, assume_unique=True) & (near != row)])
 
     def _chance(self, named: Mapping[int, object], rows: IntArray) -> float:
         """How likely a view of a visit names such a thing wherever it looks."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from erag.aware.asked import Asked, asks_where
-from erag.aware.changes import Change, Changes
+from erag.aware.changes import Change, ChangeKind, Changes
 from erag.aware.conditions import differing
 from erag.aware.past import Past, Sighting
 from erag.aware.reading import Read
@@ -78,7 +78,8 @@ class Memories:
 
     def _when(self, asked: Asked, found: Sighting, now: float | None) -> str:
         order = "first" if asked.aspect == "first" else "last"
-        said = f"{self._a(asked.thing, capital=True)} was {order} seen on {plain_moment(found.seconds)} UTC at {self._id(found.row)}"
+        when = f"on {plain_moment(found.seconds)} UTC at {self._id(found.row)}"
+        said = f"{self._a(asked.thing, capital=True)} was {order} seen {when}"
         if now is not None and now > found.seconds:
             said += f", {plain_span(now - found.seconds)} ago"
         elif now == found.seconds:
@@ -142,7 +143,7 @@ class Memories:
         between = f"from {ordinal(visits, before.number)} to {ordinal(visits, after.number)}"
         return f"compared {len(before.rows)} with {len(after.rows)} observations, {between}"
 
-    def _told(self, found: Changes, kind: str) -> str:
+    def _told(self, found: Changes, kind: ChangeKind) -> str:
         changes = [c for c in found.changes if c.kind == kind][:TOLD]
         lead = {"gone": "Gone", "new": "New", "moved": "Moved, or one gone and another come"}[kind]
         if not changes:
@@ -186,7 +187,7 @@ class Memories:
             return None
         visits = [v for v in self._past.visits if eligible[v.rows].any()]
         said = self._numbers(name, rows, visits)
-        reason = "counted by place: views that may show the same one are not counted twice, what was never named is not counted"
+        reason = "counted by place: views that may show the same one count once, what was never named does not count"
         return Recalled("explain", said, reason, tuple(m.row for m in named)[:SHOWN])
 
     def _numbers(self, name: Name, rows: IntArray, visits: Sequence[Visit]) -> str:
@@ -217,6 +218,6 @@ class Memories:
         return f"{said[:1].upper()}{said[1:]}" if capital else said
 
 
-_ORDER: dict[str, tuple[str, ...]] = {
+_ORDER: dict[str, tuple[ChangeKind, ...]] = {
     "gone": ("gone", "moved"), "new": ("new", "moved"), "moved": ("moved",), "changed": ("gone", "new", "moved"),
 }  # fmt: skip
