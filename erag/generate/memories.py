@@ -23,6 +23,7 @@ from erag.forest.terms import fold, mentions
 from erag.retrieve.corpus import Corpus
 
 TOLD = 12  # things of one kind that are named in an answer
+FEW = 3  # fewer changes than this are told beside views of both visits
 SHOWN = 5  # views an answer names as evidence
 _NEARLY = 0.9  # of the best score: what else may be meant
 _CONDITIONS = frozenset({"season", "seasons", "weather", "light", "conditions", "daytime"})
@@ -32,12 +33,16 @@ Eligible = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """What an answer says, the rows it rests on, the best first, and whether the first of them is where to go."""
+    """What an answer says, the rows it rests on, the best first, and whether the first of them is where to go.
+
+    Views of the visits `beside` are to be quoted as well, since the text alone says little of them.
+    """
 
     kind: QueryKind
     text: str
     reason: str = ""
     rows: tuple[int, ...] = ()
+    beside: tuple[Visit, ...] = ()
 
 
 class Memories:
@@ -136,7 +141,8 @@ class Memories:
         kept = [c for kind in kinds for c in found.of(kind)]
         rows = tuple(dict.fromkeys(c.seen[-1] if c.kind == "moved" else c.seen[0] for c in kept))
         doubt = "; what was only seen from another side, or left unnamed, may be missed"
-        return Recalled("explain", " ".join(said), self._between(before, after) + doubt, rows[:SHOWN])
+        beside = (before, after) if asked.aspect == "changed" and len(kept) < FEW else ()
+        return Recalled("explain", " ".join(said), self._between(before, after) + doubt, rows[:SHOWN], beside)
 
     def _between(self, before: Visit, after: Visit) -> str:
         visits = self._past.visits

@@ -23,7 +23,9 @@ _TOPICS: tuple[tuple[Topic, frozenset[str]], ...] = (
     ("kind", word_set("kind sort type environment place overview whole overall summary")),
 )
 _GENERAL = frozenset({"what is there to see", "what can be seen", "what is here", "what do you see", "what is there"})
-_LIKE = frozenset({"like", "trend", "vegetation", "condition", "state"})  # asks how something is, not what there is
+_LIKE = frozenset(
+    {"like", "atmosphere", "mood", "trend", "vegetation", "condition", "state"}
+)  # asks how something is, not what there is
 THINGS, PARTS_TOLD = 7, 8
 _MAIN = 0.35  # share of a part's views from which on a place names it
 _ALONE, _ALL = 0.5, 0.7  # share from which on a thing may name a part; and from which on something names the whole
