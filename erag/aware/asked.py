@@ -13,7 +13,10 @@ from erag.forest.terms import fold, mentions
 
 Aspect = Literal["last", "first", "ago", "gone", "new", "moved", "changed", "still", "count"]
 
-_SEE = r"(?:see|saw|seen|spot|spotted|notice|noticed|observe|observed|sight|sighted|sighting|record|recorded|meet|met|pass|passed|come across|encounter(?:ed)?|photograph(?:ed)?)"
+_SEE = (
+    r"(?:see|saw|seen|spot|spotted|notice|noticed|observe|observed|sight|sighted|sighting|record|recorded|"
+    r"meet|met|pass|passed|come across|encounter(?:ed)?|photograph(?:ed)?)"
+)
 _THING_GONE = (
     r"(?:gone|disappeared|vanished|missing|removed|taken away|cleared away|no longer|not (?:there|here) any ?more|lost)"
 )
@@ -24,12 +27,17 @@ _THING_MOVED = (
     r"(?:moved|shifted|relocated|rearranged|been put elsewhere|changed (?:its |their )?places?|another place now)"
 )
 _CHANGED = r"(?:changed|change|changes|differ|differs|different|difference|differences|compare|compared|altered)"
-_ABOUT_TIME = r"(?:since|visit|visits|between|before|any ?more|now|meanwhile|last time|tour|yesterday|ago|compared|times|earlier|has|have)"
+_ABOUT_TIME = (
+    r"(?:since|visit|visits|between|before|any ?more|now|meanwhile|last time|tour|yesterday|ago|compared|times|"
+    r"earlier|has|have)"
+)
 
 # The first that fits decides; {t} is where the thing asked for stands.
 _PATTERNS: tuple[tuple[Aspect, str], ...] = (
-    ("ago", r"^how (?:long ago|many (?:days|hours|weeks|months|minutes) ago|much time has passed|long (?:has it been|is it) since|old is)\b(?:.*?\b(?:see|saw|seen)\b)?(?P<t>.+)"),
-    ("ago", rf"^how (?:long ago|many (?:days|hours|weeks|months|minutes) ago) (?:was|were) (?P<t>.*?) (?:last )?{_SEE}\b"),
+    ("ago", r"^how (?:long ago|many (?:days|hours|weeks|months|minutes) ago|much time has passed|"
+            r"long (?:has it been|is it) since|old is)\b(?:.*?\b(?:see|saw|seen)\b)?(?P<t>.+)"),
+    ("ago", rf"^how (?:long ago|many (?:days|hours|weeks|months|minutes) ago) "
+            rf"(?:was|were) (?P<t>.*?) (?:last )?{_SEE}\b"),
     ("first", rf"\b(?:first|for the first time)\b.*\b{_SEE}\b(?P<t>.*)|\bwhen (?:was|were) (?P<t2>.*?) first {_SEE}\b"),
     ("first", rf"\b{_SEE}\b(?P<t>.*) for the first time\b"),
     ("last", rf"\b(?:last|latest|most recently|most recent)\b(?: time)?.*?\b{_SEE}\b(?: of)?(?P<t>.*)"),
@@ -37,14 +45,16 @@ _PATTERNS: tuple[tuple[Aspect, str], ...] = (
     ("last", rf"\bwhere (?P<t>(?:the|a|an|my|our) .*?) (?:was|were) (?:last )?{_SEE}\b"),
     ("last", rf"\b{_SEE}\b(?P<t>.*?) (?:last|most recently|the last time)\b"),
     ("last", r"^(?:what is |tell me )?the last (?:known )?(?:place|position|location|whereabouts) of (?P<t>.*)"),
-    ("last", rf"^(?:when|at what time|on which day|on what day|what day|what time)\b.*?\b(?:you|the robot|we) {_SEE}\b(?P<t>.*)"),
+    ("last", rf"^(?:when|at what time|on which day|on what day|what day|what time)\b"
+             rf".*?\b(?:you|the robot|we) {_SEE}\b(?P<t>.*)"),
     ("last", rf"^(?:when|at what time|on which day) (?:was|were|is|are) (?P<t>.*?) {_SEE}\b"),
     ("last", rf"\bwhen (?P<t>(?:the|a|an|my|our) .*?) (?:was|were) (?:last )?{_SEE}\b"),
     ("last", rf"^where did (?:you|the robot) {_SEE}\b(?P<t>.*)"),
     ("still", r"^(?:is|are) (?P<t>.*?) (?:still|gone|missing)\b"),
     ("still", r"\bstill (?:there|here|around|standing)\b(?P<t>)"),
     ("still", rf"^(?:has|have) (?P<t>(?:the|a|an|my|our|any) .*?) (?:been )?(?:{_THING_GONE[3:-1]}|moved)\b"),
-    ("count", r"^(?:so |and )?how many (?P<t>.*)|(?:^(?:please )?count|\bnumber of|\btotal of)\b(?: all)?(?: the)?(?P<t2>.*)"),
+    ("count", r"^(?:so |and )?how many (?P<t>.*)|"
+              r"(?:^(?:please )?count|\bnumber of|\btotal of)\b(?: all)?(?: the)?(?P<t2>.*)"),
 )  # fmt: skip
 _KINDS: tuple[tuple[Aspect, str], ...] = (
     ("gone", _THING_GONE), ("moved", _THING_MOVED), ("new", _THING_NEW), ("changed", _CHANGED),
@@ -53,11 +63,13 @@ _SHORT = re.compile(
     r"^(?:what is|what's|anything|is anything|is something|what are) (new|missing|gone)\b(?: here| there| now)*$"
 )
 _ASKING = re.compile(
-    r"^(?:what|which|how|is|are|has|have|did|does|tell|list|name|describe|show me what|show me which|explain|summari[sz]e|anything|any|compare|was|were|do)\b"
+    r"^(?:what|which|how|is|are|has|have|did|does|tell|list|name|describe|"
+    r"show me what|show me which|explain|summari[sz]e|anything|any|compare|was|were|do)\b"
 )
 _NOT_THINGS = frozenset(
-    {"left", "time", "visit", "robot", "thing", "object", "item", "last", "first", "place", "ago", "day", "hour", "number", "count",
-     "there", "here", "today", "yesterday", "minute", "second", "week", "month", "year", "metre", "meter", "percent", "way", "memory", "map", "you"}
+    {"left", "time", "visit", "robot", "thing", "object", "item", "last", "first", "place", "ago", "day", "hour",
+     "number", "count", "there", "here", "today", "yesterday", "minute", "second", "week", "month", "year", "metre",
+     "meter", "percent", "way", "memory", "map", "you"}
 )  # fmt: skip
 _FUNCTION = lex.DETERMINERS | lex.QUANTITIES | lex.AUXILIARIES | lex.PREPOSITIONS | lex.JOINERS | lex.PRONOUNS
 
@@ -97,7 +109,8 @@ def asked(text: str | None) -> Asked:
 def _thing(said: str) -> Name:
     """The first thing that a piece of a question names, without the words of asking and of time."""
     cut = re.split(
-        r"\b(?:near|next to|beside|on the|in the|at the|by the|since|before|after|during|between|within|around|that|which|who|are there|is there|can|were|was|did|do)\b",
+        r"\b(?:near|next to|beside|on the|in the|at the|by the|since|before|after|during|between|within|"
+        r"around|that|which|who|are there|is there|can|were|was|did|do)\b",
         said,
         maxsplit=1,
     )[0]

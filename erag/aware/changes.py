@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -18,7 +17,8 @@ ChangeKind = Literal["gone", "new", "moved"]
 Alike = Callable[[Name, Name], bool]
 SAME_PLACE_M = 1.0  # objects of one name nearer than this are one
 _DOUBT = 0.9  # even a fully covered thing is named less often than always
-_USUAL, _PRIOR = 0.5, 1.0  # how often a view of a thing names it, beforehand; what that counts, in views
+_HALF, _PRIOR = 0.5, 1.0  # how often a view of a thing names it, before anything is known; what that counts, in views
+_SAMPLE = 400  # mentions of a visit from which is learnt how often its views name what they look at
 _LOOKS = 0.1  # share of the places where a thing may stand from which on a view looks at it
 _UNRELATED = 0.02  # share of views that name a thing by chance, at least
 LIKELY, PROBABLE = 0.25, 2.0  # evidence in nats: told at all, and told as probable
@@ -62,6 +62,7 @@ class Comparison:
     def __init__(self, things: Things, sight: Sight, same: Alike = alike) -> None:
         self._things, self._sight, self._same = things, sight, same
         self._kin: dict[Name, tuple[Name, ...]] = {}
+        self._rates: dict[tuple[int, int], float] = {}
 
     def between(self, before: IntArray, after: IntArray) -> Changes:
         """What changed from the visit with the nodes `before` (a,) to that with the nodes `after` (b,)."""
@@ -114,16 +115,17 @@ class Comparison:
         rows = self._near(mention.row, before)
         weights = np.full(len(points), 1 / len(points))
         if not len(rows):
-            return _Where(points, weights, _DOUBT / 2)
+            return _Where(points, weights, _DOUBT * self._usual(before))
         covers = self._sight.covers(rows, points)  # (r, k)
         says = np.array([int(r) in named for r in rows], np.bool_)
         chance = self._chance(named, before)
-        named_there = np.where(covers, _USUAL, chance)
+        usual = self._usual(before)
+        named_there = np.where(covers, max(usual, chance), chance)
         nats = np.where(says[:, None], np.log(named_there), np.log(1 - named_there)).sum(axis=0)  # (k,)
         weights = np.exp(nats - nats.max())
         weights /= weights.sum()
         cover = covers @ weights
-        rate = _DOUBT * (cover[says].sum() + _USUAL * _PRIOR) / (cover.sum() + _PRIOR)
+        rate = _DOUBT * (cover[says].sum() + usual * _PRIOR) / (cover.sum() + _PRIOR)
         return _Where(points, weights, float(rate))
 
     def _kept(self, mention: Mention, rows: IntArray) -> tuple[int, ...]:
@@ -137,7 +139,30 @@ class Comparison:
 
     def _near(self, row: int, among: IntArray) -> IntArray:
         near = self._sight.near(row, 2 * self._sight.reach)
-        return near[np.isin(near, among, assume_unique=True) & (near != row)]
+        return np.asarray(near[np.isin(near, among, assume_unique=True) & (near != row)])
+
+    def _usual(self, rows: IntArray) -> float:
+        """How often the views of a visit name a thing that another view of it names, where they look at its spot.
+
+        Terse captions of what is in view come to a half; rich ones, in which much is named once, to far less.
+        """
+        key = (int(rows[0]), len(rows)) if len(rows) else (-1, 0)
+        if key not in self._rates:
+            inside = [m for m in self._things.mentions if _in(rows, m.row) and not self._sight.objects[m.row]]
+            pairs = [self._repeated(m, rows) for m in inside[:: max(1, len(inside) // _SAMPLE)]]
+            named, covered = np.sum(pairs, axis=0) if pairs else (0.0, 0.0)
+            self._rates[key] = float((named + _HALF * _PRIOR) / (covered + _PRIOR))
+        return self._rates[key]
+
+    def _repeated(self, mention: Mention, rows: IntArray) -> tuple[float, float]:
+        """The cover of a mention's spot by other views that name the thing too, and by all others."""
+        others = self._near(mention.row, rows)
+        if not len(others):
+            return 0.0, 0.0
+        cover = self._sight.covers(others, self._sight.points(mention.row, mention.side)).mean(axis=1)
+        named = self._naming(mention.name)
+        says = np.array([int(r) in named for r in others], np.bool_)
+        return float(cover[says].sum()), float(cover.sum())
 
     def _chance(self, named: Mapping[int, object], rows: IntArray) -> float:
         """How likely a view of a visit names such a thing wherever it looks."""

@@ -14,10 +14,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.core.types import SensorWish
 
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
-_UP = r"high|higher|highest|good|best|rich|richest|strong|strongest|plenty of|lots of|much|great|healthy|green|greenest|dense|densest"
+_UP = (
+    r"high|higher|highest|good|best|rich|richest|strong|strongest|plenty of|lots of|much|great|healthy|green|greenest|"
+    r"dense|densest"
+)
 _DOWN = (
-    r"low|lower|lowest|poor|poorer|poorest|bad|worst|weak|weakest|little|scarce|sparse|sparsest|dry|driest|patchy|worn|dead|brown|"
-    r"yellow|unhealthy"
+    r"low|lower|lowest|poor|poorer|poorest|bad|worst|weak|weakest|little|scarce|sparse|sparsest|dry|driest|patchy|worn|dead|"
+    r"brown|yellow|unhealthy"
 )
 _BETWEEN = r"(?: of| in| level| levels| reading| readings| value| values| quality| index| is| are)*"
 

@@ -34,7 +34,7 @@ def told(shares: Shares, limit: int = 5) -> str:
 
 
 def differing(texts: Sequence[str], before: IntArray, after: IntArray) -> tuple[str, str]:
-    """What of season, weather and hour is told of one visit more than of the other, each in words; empty for nothing."""
+    """What of season, weather and hour is told of one visit more than of the other, each in words, or empty."""
     first, second = conditions(texts, before), conditions(texts, after)
     more = {w: s for w, s in first.items() if s - second.get(w, 0.0) >= DIFFERENT}
     less = {w: s for w, s in second.items() if s - first.get(w, 0.0) >= DIFFERENT}

@@ -13,9 +13,9 @@ class AwareConfig(BaseModel):
     """Sensors and times in the words of questions.
 
     `read_sensors` and `read_times` say whether words are read for them at all; conditions that a query states apart
-    from its words always win. `channels` adds to the shipped words of sensor channels. `visit_gap` is the pause in seconds
-    that separates two visits (None: from the map), `stale_after` the age in seconds from which on an answer tells how
-    old what it rests on is, `hours_ahead` how far the local time that words speak of is ahead of UTC.
+    from its words always win. `channels` adds to the shipped words of sensor channels. `visit_gap` is the pause in
+    seconds that separates two visits (None: from the map), `stale_after` the age in seconds from which on an answer
+    tells how old what it rests on is, `hours_ahead` how far the local time that words speak of is ahead of UTC.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

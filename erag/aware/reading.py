@@ -24,12 +24,12 @@ class Read:
     """
 
     query: Query
-    asked: Asked = Asked()
-    window: Window = Window()
+    asked: Asked = field(default_factory=Asked)
+    window: Window = field(default_factory=Window)
     now: float | None = None
     channels: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
 
 class Reader:

@@ -1,4 +1,4 @@
-"""The readings of a sensor over a set of nodes: mean, spread, trend over time, and where they are highest and lowest."""
+"""The readings of a sensor over a set of nodes: mean, spread, trend over time, where they are highest and lowest."""
 
 from __future__ import annotations
 

@@ -69,12 +69,12 @@ class Sight:
         """Rows of the nodes within `metres` of a node on its storey, itself among them, ascending."""
         found = np.array(sorted(self._tree.query_ball_point(self.at[row], metres)), np.int64)
         heights = self._map.positions[:, 2]
-        return found[np.abs(heights[found] - heights[row]) < STOREY_M]
+        return np.asarray(found[np.abs(heights[found] - heights[row]) < STOREY_M])
 
     def points(self, row: int, side: Side | None = None) -> Points:
         """(k, 2) where something seen from a node may stand; an object's own place."""
         if self.objects[row]:
-            return self.at[row][None]
+            return np.asarray(self.at[row][None])
         depths = _DEPTHS * self.reach
         yaw = float(self.yaw[row])
         if math.isnan(yaw):
@@ -82,7 +82,7 @@ class Sight:
         else:
             turns = yaw + HALF_VIEW * (_TURNS if side is None else _SIDES[side])
         ahead = np.stack([np.cos(turns), np.sin(turns)], axis=1)  # (t, 2)
-        return self.at[row] + (depths[:, None, None] * ahead[None]).reshape(-1, 2)
+        return np.asarray(self.at[row] + (depths[:, None, None] * ahead[None]).reshape(-1, 2))
 
     def covers(self, rows: IntArray, points: Points) -> npt.NDArray[np.bool_]:
         """(r, k) bool: which of the points (k, 2) lie in the wedges of the views `rows` (r,)."""

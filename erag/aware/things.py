@@ -17,14 +17,14 @@ from erag.forest.terms import Phrase, fold, mentions, name_mentions, stem
 Name = tuple[str, ...]  # folded words, head last
 Side = Literal["left", "centre", "right"]
 
-# Heads that are no things one could count or miss: what the ground, the sky and the hour are like, and where things are.
+# Heads that are no things one could count or miss: what the ground, the sky and the hour are like, and where.
 SURROUNDINGS = word_set("""
     ground floor grass snow sky cloud leaf tile parquet carpet shadow sunlight light wall ceiling morning noon evening
     night day dusk dawn midday afternoon mist fog rain sun shade meadow soil earth sand mud dirt gravel asphalt concrete
-    pavement paving cobblestone water air weather season nothing little lot middle left right centre center side distance
-    background foreground part top bottom front back way end corner edge lawn vegetation greenery foliage number group row
-    pair robot view something everything anything chip lamplight ice straight well away lit quarter southern northern
-    eastern western spiky leafy bushy shiny dusty rusty sunny cloudy misty foggy rainy bright
+    pavement paving cobblestone water air weather season nothing little lot middle left right centre center side
+    distance background foreground part top bottom front back way end corner edge lawn vegetation greenery foliage
+    number group row pair robot view something everything anything chip lamplight ice straight well away lit quarter
+    southern northern eastern western spiky leafy bushy shiny dusty rusty sunny cloudy misty foggy rainy bright
 """)
 _SHAPES = word_set("round square flat upright long tall low oval double single open closed empty full further")
 _ADJECTIVE_SHARE = 0.8  # an adjective-like word that nearly always goes with a head belongs to its name: potted plant
@@ -34,7 +34,8 @@ _NUMBERS: Mapping[str, int] = {
 }  # fmt: skip
 _NUMBER = re.compile(rf"\b(\d{{1,2}}|{'|'.join(_NUMBERS)})((?:\s+[^\W\d_]+(?:-[^\W\d_]+)*){{1,4}})")
 _SIDE = re.compile(
-    r"\b(?:(?:on|to|at) (?:the|its|your) (left|right)|further (left|right)|in the (middle|centre|center)|(straight) ahead)\b"
+    r"\b(?:(?:on|to|at) (?:the|its|your) (left|right)|further (left|right)|in the (middle|centre|center)|"
+    r"(straight) ahead)\b"
 )
 
 
@@ -88,8 +89,8 @@ class Things:
     def of(self, asked: Name) -> tuple[Mention, ...]:
         """The mentions of a thing asked for: those whose phrase has all its words and its head, one a node.
 
-        Where none has, those of its head alone, then the nodes whose texts have the words next to each other, which finds
-        what looks like a verb. `bicycle` is in `red bicycle`, and `bicycle stand` is another thing.
+        Where none has, those of its head alone, then the nodes whose texts have the words next to each other, which
+        finds what looks like a verb. `bicycle` is in `red bicycle`, and `bicycle stand` is another thing.
         """
         for wanted in dict.fromkeys((asked, asked[-1:])):
             found = [

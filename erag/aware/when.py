@@ -82,15 +82,16 @@ _HOUR = r"(\d{1,2})(?::(\d{2}))? ?(am|pm|a\.m\.|p\.m\.|o'clock|h\b|uhr)?"
 
 # Seeing in the past, or an order to find: without either, `in the morning` may well be a part of a wish.
 _OBSERVED = re.compile(
-    r"\b(?:saw|seen|see|observed|noticed|spotted|recorded|photographed|captured|filmed|sighted|visited|passed|looked|was|"
-    r"were|did (?:you|the robot)|have you)\b"
+    r"\b(?:saw|seen|see|observed|noticed|spotted|recorded|photographed|captured|filmed|sighted|visited|passed|looked|"
+    r"was|were|did (?:you|the robot)|have you)\b"
 )
 _ORDERED = re.compile(
-    r"^(?:please )?(?:find|show|list|describe|count|explain|what (?:is|are) (?:there|seen|visible|to be seen)|which|how many|summari[sz]e)\b"
+    r"^(?:please )?(?:find|show|list|describe|count|explain|what (?:is|are) (?:there|seen|visible|to be seen)|"
+    r"which|how many|summari[sz]e)\b"
 )
 _WISHING = re.compile(
-    r"\b(?:i|we|my|our|us|want|need|would|can|could|should|must|shall|let's|i'd|we'd|will|going to|have to|tomorrow|they|"
-    r"he|she|opens?|serves?|does|do)\b"
+    r"\b(?:i|we|my|our|us|want|need|would|can|could|should|must|shall|let's|i'd|we'd|will|going to|have to|tomorrow|"
+    r"they|he|she|opens?|serves?|does|do)\b"
 )
 
 
@@ -328,13 +329,16 @@ _WHICH = (
 _PLAIN: tuple[tuple[str, Reader], ...] = (
     (rf"\b(?:between|from) {_STAMP} (?:and|to|until) {_STAMP}", _two_stamps),
     (rf"\b(?:{_BOUND}|on|in|during|at) {_STAMP}", _one_stamp),
-    (rf"\b(?:(since|after|before|until|prior to)|on|in|during|at|of|from)(?: the| our| your)? {_WHICH} {_VISIT_NOUN}\b", _visit),
+    (rf"\b(?:(since|after|before|until|prior to)|on|in|during|at|of|from)"
+     rf"(?: the| our| your)? {_WHICH} {_VISIT_NOUN}\b", _visit),
     (rf"\b(?:(?P<word>since|after|before|until|till|from)|on)(?: the)? (?:(?P<day>\d{{1,2}})(?:st|nd|rd|th)?(?: of)? "
-     rf"(?P<month>{_MONTH})|(?P<month2>{_MONTH}) (?P<day2>\d{{1,2}})(?:st|nd|rd|th)?)\b\.?(?:,? (?P<year>\d{{4}}))?", _date),
+     rf"(?P<month>{_MONTH})|(?P<month2>{_MONTH}) (?P<day2>\d{{1,2}})"
+     rf"(?:st|nd|rd|th)?)\b\.?(?:,? (?P<year>\d{{4}}))?", _date),
     (rf"\b(?:(since|after|before|until|till|from)|in) ({_MONTH}) (\d{{4}})\b", _month),
     (rf"\b(?:{_BOUND} )?(the day before yesterday|yesterday)(?: ({_PART}))?\b", _relative_day),
     (rf"\b(?:{_BOUND} )?{_COUNT} {_UNIT} ago\b", _ago),
-    (r"\b(?:that (?:is|are) |which (?:is|are) )?(?:there now|here now|currently|at present|at the moment|nowadays)\b", _now),
+    (r"\b(?:that (?:is|are) |which (?:is|are) )?(?:there now|here now|currently|at present|"
+     r"at the moment|nowadays)\b", _now),
 )  # fmt: skip
 _OF_SEEING: tuple[tuple[str, Reader], ...] = (
     (rf"\b(?:(since|after|before|until|till|from)|in) ({_MONTH})()\b(?! \d)", _month),

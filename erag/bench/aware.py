@@ -132,7 +132,7 @@ def table(scores_: Sequence[Score]) -> list[tuple[object, ...]]:
     for task, measure in dict.fromkeys((s.task, s.measure) for s in sorted(scores_, key=lambda s: s.task)):
         values = [s.value for s in scores_ if (s.task, s.measure) == (task, measure)]
         found = bootstrap(values)
-        rows.append((task, measure, len(values), found.mean, f"{found.low:.2f}–{found.high:.2f}"))
+        rows.append((task, measure, len(values), f"{found.mean:.2f}", f"{found.low:.2f}–{found.high:.2f}"))
     return rows
 
 

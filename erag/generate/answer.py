@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Protocol
 
@@ -109,11 +110,13 @@ class Answerer:
         views = self._views.of(vector, scope.rows, self._config.quoted)
         return self._explained(told, views, f"counted over {len(scope.rows):,} views of {scope.name}")
 
-    def recalled(self, query: Query, found: Recalled) -> Answer:
+    def recalled(self, query: Query, vector: Vectors, found: Recalled) -> Answer:
         """The answer from what a memory knows of times, changes and numbers; with a way to the place one asked for."""
         ids = tuple(self._corpus.topomap.nodes[row].id for row in found.rows)
         if found.kind != "find" or not ids:
-            return Answer("explain", found.text, found.reason, evidence=ids[:RECALLED])
+            views = [v for visit in found.beside for v in self._views.of(vector, visit.rows, self._config.quoted)]
+            told = self._explained(found.text, views, found.reason)
+            return replace(told, evidence=tuple(dict.fromkeys((*ids[:RECALLED], *told.evidence))))
         node = self._corpus.topomap.nodes[found.rows[0]]
         route = self._routes.route(query.at, node.id) if query.at is not None else Route("no_start")
         waypoint = Waypoint(node.id, self._corpus.topomap.frame, node.pose.xyz, node.pose.yaw)

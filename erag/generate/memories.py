@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from erag.aware.asked import Asked, asks_where
-from erag.aware.changes import Change, Changes
+from erag.aware.changes import Change, ChangeKind, Changes
 from erag.aware.conditions import differing
 from erag.aware.past import Past, Sighting
 from erag.aware.reading import Read
@@ -23,6 +23,7 @@ from erag.forest.terms import fold, mentions
 from erag.retrieve.corpus import Corpus
 
 TOLD = 12  # things of one kind that are named in an answer
+FEW = 3  # fewer changes than this are told beside views of both visits
 SHOWN = 5  # views an answer names as evidence
 _NEARLY = 0.9  # of the best score: what else may be meant
 _CONDITIONS = frozenset({"season", "seasons", "weather", "light", "conditions", "daytime"})
@@ -32,12 +33,16 @@ Eligible = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """What an answer says, the rows it rests on, the best first, and whether the first of them is where to go."""
+    """What an answer says, the rows it rests on, the best first, and whether the first of them is where to go.
+
+    Views of the visits `beside` are to be quoted as well, since the text alone says little of them.
+    """
 
     kind: QueryKind
     text: str
     reason: str = ""
     rows: tuple[int, ...] = ()
+    beside: tuple[Visit, ...] = ()
 
 
 class Memories:
@@ -78,7 +83,8 @@ class Memories:
 
     def _when(self, asked: Asked, found: Sighting, now: float | None) -> str:
         order = "first" if asked.aspect == "first" else "last"
-        said = f"{self._a(asked.thing, capital=True)} was {order} seen on {plain_moment(found.seconds)} UTC at {self._id(found.row)}"
+        when = f"on {plain_moment(found.seconds)} UTC at {self._id(found.row)}"
+        said = f"{self._a(asked.thing, capital=True)} was {order} seen {when}"
         if now is not None and now > found.seconds:
             said += f", {plain_span(now - found.seconds)} ago"
         elif now == found.seconds:
@@ -135,14 +141,15 @@ class Memories:
         kept = [c for kind in kinds for c in found.of(kind)]
         rows = tuple(dict.fromkeys(c.seen[-1] if c.kind == "moved" else c.seen[0] for c in kept))
         doubt = "; what was only seen from another side, or left unnamed, may be missed"
-        return Recalled("explain", " ".join(said), self._between(before, after) + doubt, rows[:SHOWN])
+        beside = (before, after) if asked.aspect == "changed" and len(kept) < FEW else ()
+        return Recalled("explain", " ".join(said), self._between(before, after) + doubt, rows[:SHOWN], beside)
 
     def _between(self, before: Visit, after: Visit) -> str:
         visits = self._past.visits
         between = f"from {ordinal(visits, before.number)} to {ordinal(visits, after.number)}"
         return f"compared {len(before.rows)} with {len(after.rows)} observations, {between}"
 
-    def _told(self, found: Changes, kind: str) -> str:
+    def _told(self, found: Changes, kind: ChangeKind) -> str:
         changes = [c for c in found.changes if c.kind == kind][:TOLD]
         lead = {"gone": "Gone", "new": "New", "moved": "Moved, or one gone and another come"}[kind]
         if not changes:
@@ -186,7 +193,7 @@ class Memories:
             return None
         visits = [v for v in self._past.visits if eligible[v.rows].any()]
         said = self._numbers(name, rows, visits)
-        reason = "counted by place: views that may show the same one are not counted twice, what was never named is not counted"
+        reason = "counted by place: views that may show the same one count once, what was never named does not count"
         return Recalled("explain", said, reason, tuple(m.row for m in named)[:SHOWN])
 
     def _numbers(self, name: Name, rows: IntArray, visits: Sequence[Visit]) -> str:
@@ -217,6 +224,6 @@ class Memories:
         return f"{said[:1].upper()}{said[1:]}" if capital else said
 
 
-_ORDER: dict[str, tuple[str, ...]] = {
+_ORDER: dict[str, tuple[ChangeKind, ...]] = {
     "gone": ("gone", "moved"), "new": ("new", "moved"), "moved": ("moved",), "changed": ("gone", "new", "moved"),
 }  # fmt: skip

@@ -23,10 +23,13 @@ _TOPICS: tuple[tuple[Topic, frozenset[str]], ...] = (
     ("kind", word_set("kind sort type environment place overview whole overall summary")),
 )
 _GENERAL = frozenset({"what is there to see", "what can be seen", "what is here", "what do you see", "what is there"})
-_LIKE = frozenset({"like", "trend", "vegetation", "condition", "state"})  # asks how something is, not what there is
+_LIKE = frozenset(
+    {"like", "atmosphere", "mood", "trend", "vegetation", "condition", "state"}
+)  # asks how something is, not what there is
 THINGS, PARTS_TOLD = 7, 8
 _MAIN = 0.35  # share of a part's views from which on a place names it
 _ALONE, _ALL = 0.5, 0.7  # share from which on a thing may name a part; and from which on something names the whole
+_EVERYWHERE = 0.98  # share above which what is named is the place itself, such as a farm
 _ROOMS = ("room", "yard", "ward", "pasture", "field")
 Part = tuple[str, IntArray]
 
@@ -83,13 +86,14 @@ class Overview:
         views = np.asarray(self._words.presence[rows].sum(axis=0), np.int64).ravel()
         met = [(self._words.entries[i], int(views[i])) for i in np.flatnonzero(views >= _MAIN * len(rows))]
         found = [f for f in met if f[0].kind == "place"] or [
-            f for f in met if f[0].kind == "object" and f[1] >= _ALL * len(rows)
+            f for f in met if f[0].kind == "object" and f[1] > _EVERYWHERE * len(rows)
         ]
         if not found:
             return ""
         most = max(n for _, n in found)
         entry, n = max((f for f in found if f[1] >= 0.8 * most), key=lambda f: (len(f[0].words), f[1], f[0].shown))
-        return f"This is {'an' if entry.shown[:1] in 'aeiou' else 'a'} {entry.shown} ({n:,} of {len(rows):,} views say so)."
+        article = "an" if entry.shown[:1] in "aeiou" else "a"
+        return f"This is {article} {entry.shown} ({n:,} of {len(rows):,} views say so)."
 
     def _seen(self, rows: IntArray) -> str:
         """What is named in most views; views are not things."""
@@ -111,7 +115,7 @@ class Overview:
     @staticmethod
     def _place(name: Name, views: int, of: int) -> bool:
         """Whether what is named is where one is rather than a thing there."""
-        return views > _ALL * of or name[-1].endswith(_ROOMS)
+        return views > _EVERYWHERE * of or name[-1].endswith(_ROOMS)
 
     def _parts(self, parts: Sequence[Part], of: int) -> str:
         """The named parts by their share of the views; parts of one name are one."""

@@ -20,7 +20,8 @@ _METRES = r"(\d+(?:\.\d+)?) ?(?:m|metres?|meters?)"
 _END = r"(?:\?|\.|,|;|$| like\b| look\b| look like\b| changed?\b)"
 _WITHIN = re.compile(rf"\bwithin {_METRES}(?: (?:of|around|from) (?P<what>.+?))?{_END}")
 _WAY = re.compile(
-    rf"\b(?:along|on) (?:the |my |our )?(?:way|route|path|walk|road|drive)?\s*(?:from (?P<start>.+?) )?to (?P<goal>.+?){_END}"
+    rf"\b(?:along|on) (?:the |my |our )?(?:way|route|path|walk|road|drive)?\s*(?:from (?P<start>.+?) )?"
+    rf"to (?P<goal>.+?){_END}"
     rf"|\bfrom (?P<start2>.+?) to (?P<goal2>.+?){_END}|\bbetween (?P<start3>.+?) and (?P<goal3>.+?){_END}"
 )
 _AROUND = re.compile(
@@ -28,7 +29,8 @@ _AROUND = re.compile(
 )
 _IN = re.compile(rf"\b(?:in|inside|at|on|of) (?P<what>(?:the|this|that|our|my) .+?){_END}")
 _DESCRIBE = re.compile(
-    rf"^(?:please )?(?:describe|explain|summari[sz]e|tell me about)(?: to me| me)? (?P<what>(?:the|this|that|our|my) .+?){_END}"
+    rf"^(?:please )?(?:describe|explain|summari[sz]e|tell me about)(?: to me| me)? "
+    rf"(?P<what>(?:the|this|that|our|my) .+?){_END}"
 )
 _HERE = frozenset({"here", "me", "us", "the robot", "this place", "this spot", "where i am", "my position"})
 _MOST = 0.6  # a place named by more of the views than this is the whole map

@@ -84,7 +84,7 @@ class Telling:
         return f"Over the visits it is {trend_words(found.trend)}." if found.trend else ""
 
     def _aged(self, answer: Answer, read: Read) -> Answer:
-        """Says how old the newest view is that an answer rests on, where it is old and the answer does not say so yet."""
+        """Says how old the newest view is that an answer rests on, where that is old and not said yet."""
         rows = [self._corpus.topomap.row[node] for node in answer.evidence]
         seen = max((t.start for r in rows if (t := self._corpus.topomap.nodes[r].time)), default=None)
         if seen is None or read.now is None or read.now - seen < self._stale or plain_date(seen) in answer.text:

@@ -104,7 +104,7 @@ class Asker:
         if recalled is None:
             answer, scope = self._answerer.answer_scoped(query, vector, hits, eligible, probability)
             return self._telling.told(answer, read, scope), hits
-        answer = self._answerer.recalled(query, recalled)
+        answer = self._answerer.recalled(query, vector, recalled)
         return self._telling.told(answer, read), self._retriever.led(hits, recalled.rows, query.top)
 
     def ask_lines(self, lines: Iterable[QueryLine], top: int) -> Iterator[Result]:

@@ -107,7 +107,7 @@ class Retriever:
         return [self._found(query, reached.get(i)) for i, query in enumerate(queries)]
 
     def led(self, hits: tuple[Hit, ...], rows: Sequence[int], top: int) -> tuple[Hit, ...]:
-        """At most `top` hits: the nodes `rows` in their order, then the others of `hits`; scores fall with the place."""
+        """At most `top` hits: the nodes `rows` in their order, then the others of `hits`; scores fall by place."""
         known = {hit.node: hit for hit in hits}
         nodes = [self._corpus.topomap.nodes[row] for row in rows]
         first = [known.get(n.id) or self._bare(row) for row, n in zip(rows, nodes, strict=True)]

@@ -72,8 +72,8 @@ class Times:
     def within(self, since: float | None, until: float | None, hours: Range | None = None) -> Mask:
         """(n,) bool: some moment of the node lies in [since, until), as `Interval.overlaps`; unknown times do not.
 
-        With `hours` of the day [from, to) in UTC it also has to begin in them; over midnight where from >= to, and nodes
-        known to a day at best do not.
+        With `hours` of the day [from, to) in UTC it also has to begin in them; over midnight where from >= to, and
+        nodes known to a day at best do not.
         """
         low, high = -np.inf if since is None else since, np.inf if until is None else until
         inside = ((self.end > low) | (self.start >= low)) & (self.start < high)
@@ -110,8 +110,9 @@ class Sensors:
         """(n,) in [0, 1], NaN without a reading: how well a channel meets a wish.
 
         `low` and `high` go by the map's own distribution: 1 in the third of its readings at that end, 0 in the third at
-        the other, linear by rank between; 0.5 where all are equal. Within (low, high) a reading scores 1 and outside it loses linearly with the distance, in units of the
-        declared, else the observed, range. Raises InputError for an unknown channel or an empty wish.
+        the other, linear by rank between; 0.5 where all are equal. Within (low, high) a reading scores 1 and outside it
+        loses linearly with the distance, in units of the declared, else the observed, range. Raises InputError for an
+        unknown channel or an empty wish.
         """
         if channel not in self.channels:
             known = ", ".join(self.channels) or "none: this map has no readings"

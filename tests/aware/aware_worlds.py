@@ -25,7 +25,9 @@ def view(
     **sensors: float,
 ) -> Observation:
     at = seconds(stamp) + 10 * step
-    return Observation(node, "place", Pose(x, y, 0.0, yaw), Interval(at, at), caption=caption, sensors=sensors)
+    return Observation(
+        node, "place", Pose(x, y, 0.0, yaw), Interval(at, at), caption=caption, sensors=sensors, source="twice"
+    )
 
 
 def thing(node: str, name: str, x: float, stamp: str, y: float = 0.0) -> Observation:
@@ -48,5 +50,5 @@ def twice() -> TopoMap:
     tent = "A wooden bench stands in the centre of the view. There is also an orange tent."
     ladder = "A wooden bench stands in the centre of the view. There is also a metal ladder."
     first = drive("a", FIRST, dict.fromkeys((2, 3, 4), tent), usual)
-    second = drive("b", SECOND, dict.fromkeys((2, 3, 4), ladder), usual)
+    second = drive("b", SECOND, {**dict.fromkeys((2, 3, 4), ladder), 7: "An empty path."}, usual)
     return map_of([*first, *second])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from aware_worlds import FIRST, SECOND, drive, map_of, seconds, thing, twice, view
+
 from erag.aware.asked import asked, asks_where
 from erag.aware.changes import Comparison
 from erag.aware.conditions import conditions, differing
@@ -141,16 +141,19 @@ def test_the_last_sighting_and_the_views_that_miss_it_since() -> None:
     found = past.last(past.mentions(("tent",), everywhere))
     assert found is not None
     assert (found.row, found.seconds) == (4, seconds(FIRST) + 40)
-    assert set(found.missed) <= set(range(8, 16)) and found.missed
+    assert set(found.missed) <= set(range(8, 16))
+    assert found.missed
     first = past.first(past.mentions(("tent",), everywhere))
-    assert first is not None and first.row == 2
+    assert first is not None
+    assert first.row == 2
     assert past.mentions(("tent",), np.zeros(16, np.bool_)) == ()
 
 
 def test_visits_compared_are_the_last_before_a_moment_and_the_newest() -> None:
     past = past_of(twice())
     pair = past.compared(None)
-    assert pair is not None and [v.number for v in pair] == [1, 2]
+    assert pair is not None
+    assert [v.number for v in pair] == [1, 2]
     assert past.compared(None, until=seconds(SECOND)) is None
 
 
@@ -160,7 +163,8 @@ def test_readings_have_mean_spread_and_a_trend_over_visits() -> None:
     nodes += [view("c", 9, SECOND, "Grass.", 5)]
     topomap = map_of(nodes)
     found = readings(topomap, np.arange(9), "ndvi", [v.rows for v in visits(topomap)])
-    assert found is not None and found.trend is not None
+    assert found is not None
+    assert found.trend is not None
     assert (found.of, found.read) == (9, 8)
     assert found.mean == pytest.approx(0.415)
     assert found.spread > 0.19
@@ -177,4 +181,5 @@ def test_season_and_weather_are_told_by_visit() -> None:
     before, after = np.arange(3), np.arange(3, 6)
     assert conditions(texts, before)["spring"] == 1.0
     first, second = differing(texts, before, after)
-    assert "spring (100%)" in first and "winter (100%)" in second
+    assert "spring (100%)" in first
+    assert "winter (100%)" in second

@@ -6,8 +6,8 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-
 from aware_worlds import FIRST, SECOND, seconds, twice
+
 from erag.aware.visits import newest, ordinal, visits
 from erag.aware.when import Clock, window, without
 
@@ -63,8 +63,9 @@ def test_parts_of_the_day_are_hours_of_any_day(text: str, hours: tuple[float, fl
 
 @pytest.mark.parametrize(
     "text",
-    ["Something is hoisted every morning.", "Where is the delivery that arrived this morning?", "What shines in the evening?",
-     "Who keeps the ball out today?", "The contracts of last year have to be somewhere.", "I want breakfast in the morning.",
+    ["Something is hoisted every morning.", "Where is the delivery that arrived this morning?",
+     "What shines in the evening?", "Who keeps the ball out today?", "The contracts of last year have to be somewhere.",
+     "I want breakfast in the morning.",
      "My watch has stopped and I have to know whether it is noon.", "Find a bench."],
 )  # fmt: skip
 def test_times_that_are_part_of_a_wish_are_no_window(text: str) -> None:

@@ -182,11 +182,29 @@ def test_place_and_sensors_without_text() -> None:
     assert nodes_of(ask(corpus_of(nodes), asked, sensor_weight=0.9, theta_rank=50.0)) == ["far", "near"]
 
 
-def test_declared_ranges_are_used() -> None:
+def test_declared_ranges_are_used_for_ranges_that_are_wished_for() -> None:
     corpus = corpus_of([place("a", 0.0, "grass", ndvi=0.2), place("b", 0.0, "grass", ndvi=0.4)])
     retriever = Retriever(corpus, RetrieveConfig(retriever=NodeConfig()), sensors={"ndvi": (0.0, 1.0)})
-    hits = retriever.retrieve([Query("grass", sensors={"ndvi": "high"})], embed(["grass"]))[0].hits
-    assert {h.node: h.sensor for h in hits} == {"a": pytest.approx(0.2), "b": pytest.approx(0.4)}
+    hits = retriever.retrieve([Query("grass", sensors={"ndvi": (0.4, 0.5)})], embed(["grass"]))[0].hits
+    assert {h.node: h.sensor for h in hits} == {"a": pytest.approx(0.8), "b": pytest.approx(1.0)}
+
+
+def test_hours_of_the_day_leave_out_what_was_seen_at_others() -> None:
+    nodes = [
+        replace(place(n, 0.0, "bench"), time=Interval(h * 3600.0, h * 3600.0)) for n, h in (("dawn", 6), ("noon", 12))
+    ]
+    found = ask(corpus_of(nodes), Query("bench", hours=(5, 10)), retriever=NodeConfig())
+    assert nodes_of(found) == ["dawn"]
+
+
+def test_hits_that_an_answer_rests_on_come_first() -> None:
+    corpus = corpus_of([place(n, 0.0, text) for n, text in (("a", "bench"), ("b", "bench pond"), ("c", "pond"))])
+    retriever = Retriever(corpus, RetrieveConfig(retriever=NodeConfig()))
+    hits = retriever.retrieve([Query("bench")], embed(["bench"]))[0].hits
+    led = retriever.led(hits, [2, 1], 3)
+    assert [h.node for h in led] == ["c", "b", "a"]
+    assert [h.score for h in led] == sorted((h.score for h in led), reverse=True)
+    assert retriever.led((), [2], 3)[0].path[-1] == "c"
 
 
 @pytest.mark.parametrize("retriever", RETRIEVERS)

@@ -22,6 +22,7 @@ from erag.sim.captions import caption
 from erag.sim.dataset import CHUNK, Plan, build, open_world
 from erag.sim.queries import queries
 from erag.sim.truth import VISIBLE, View, read_truth
+from erag.sim.vocabulary import kin
 
 TINY = Size(48, 36)
 PLAN = Plan(("warehouse",), size=TINY)
@@ -145,7 +146,7 @@ def test_queries_keep_the_contract(rendered: Path, lines: list[dict[str, Any]]) 
     assert len(parsed) == len(lines)
     assert len({q["id"] for q in lines}) == len(lines)
     assert {q["kind"] for q in lines} == {"explicit", "implicit", "global"}
-    assert {q["task"] for q in lines} == {"find", "describe", "count", "change", "unanswerable"}
+    assert {q["task"] for q in lines} == {"find", "describe", "count", "change", "unanswerable", "last_seen"}
     assert all(q["environment"] == "house" and q["split"] == "train" for q in lines)
     for q in lines:
         if "at" in q:
@@ -180,6 +181,21 @@ def test_counts_changes_and_the_unanswerable_are_true(lines: list[dict[str, Any]
             assert q["since"] == second.when.start
             assert all("-b-" in n or n.endswith("@b") for n in q["relevant"])
     assert {q["task"] for q in lines} >= {"count", "change", "unanswerable"}
+
+
+def test_last_sightings_are_the_last(lines: list[dict[str, Any]], truth: list[View]) -> None:
+    asked = [q for q in lines if q["task"] == "last_seen"]
+    assert asked
+    assert {q["kind"] for q in asked} == {"explicit", "global"}
+    gone = 0
+    for q in asked:
+        shown = [v for v in truth if {o.name for o in v.visible} & set(kin(q["target"]))]
+        latest = max(shown, key=lambda v: v.node)  # house-a-0007 before house-b-0001
+        assert latest.node in q["relevant"]
+        assert all(node in {v.node for v in shown} for node in q["relevant"])
+        assert q["seen_at"][:10] in q["golden_answer"]
+        gone += latest.visit == 1
+    assert gone >= 1
 
 
 def test_a_wish_for_low_ndvi_asks_for_the_lower_third(truth: list[View]) -> None:
