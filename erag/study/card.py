@@ -48,6 +48,9 @@ def _figures(name: str, judged: Judged) -> str:
         f"| place named rightly | {q.place.shown(3)} |",
         *(f"| F1 in {world} | {measured.shown(3)} |" for world, measured in judged.worlds.items()),
     ]
+    if judged.learnt is not None:
+        share, right = judged.learnt
+        lines.append(f"| place named rightly, of the kinds it has learnt ({share:.0%} of the images) | {right:.3f} |")
     if judged.offset is not None:
         lines.append(f"| median distance from the true centre, as a share of the image | {judged.offset:.3f} |")
     if judged.colours is not None:

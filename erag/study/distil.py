@@ -219,7 +219,7 @@ def _judge(
             views += [read_view(words, seen, i) for i in range(len(fine))]
             vectors.append(seen.vector.numpy())
     search = searched(np.concatenate(vectors), backend.embed([e.caption for e in examples], "document"))
-    return judge_views(views, examples, words.objects, config.least_share, config.resamples, search)
+    return judge_views(views, examples, words, config.least_share, config.resamples, search)
 
 
 def _compared(

@@ -11,6 +11,7 @@ from erag.evaluate.naming import Naming, counted, micro, naming, universe
 from erag.evaluate.statistics import Interval
 from erag.lm.roles import Vectors
 from erag.lm.student import Found, View
+from erag.lm.student_words import StudentWords
 from erag.study.examples import Example, Thing
 
 
@@ -21,7 +22,8 @@ class Judged:
     `offset` is the median distance between said and true centre as a share of the image's width and height,
     `colours` the share of rightly found objects whose colour is true where one was said, `said` how often it was;
     `search` the shares of captions whose image is first, or among the first five, when all images are searched by the
-    caption's vector. None where the captioner says nothing of the kind.
+    caption's vector; `learnt` the share of images whose place is of a kind it has learnt, and of those the share whose
+    place it names rightly. None where the captioner says nothing of the kind.
     """
 
     quality: Naming
@@ -30,15 +32,17 @@ class Judged:
     colours: float | None = None
     said: float | None = None
     search: tuple[float, float] | None = None
+    learnt: tuple[float, float] | None = None
 
 
 def judge_views(
-    views: Sequence[View], examples: Sequence[Example], names: Sequence[str], least: float, resamples: int,
+    views: Sequence[View], examples: Sequence[Example], words: StudentWords, least: float, resamples: int,
     search: tuple[float, float] | None = None,
 ) -> Judged:  # fmt: skip
-    """The figures of the student's `views`; `names` are the classes it knows, beside those of the truth."""
+    """The figures of the views of a student that knows `words`; the classes of the truth count beside its own."""
     said = [frozenset(found.name for found in view.objects) for view in views]
-    base = judge_words(said, [view.place for view in views], examples, names, least, resamples)
+    base = judge_words(said, [view.place for view in views], examples, words.objects, least, resamples)
+    known = [v.place == e.place for v, e in zip(views, examples, strict=True) if e.place in words.places]
     pairs = _pairs(views, examples, least)
     offsets = [np.hypot(f.x - t.centre[0], f.y - t.centre[1]) for f, t in pairs]
     coloured = [(f.colour, t.largest.colour) for f, t in pairs if t.largest.colour]
@@ -50,6 +54,7 @@ def judge_views(
         colours=float(np.mean(spoken)) if spoken else None,
         said=len(spoken) / max(1, len(coloured)),
         search=search,
+        learnt=(len(known) / len(examples), float(np.mean(known)) if known else 0.0),
     )
 
 
