@@ -169,8 +169,8 @@ def _best(known: Sequence[str], logits: torch.Tensor) -> str:
 
 
 def spoken(view: View) -> Caption:
-    """A view as a caption: the place and the light, then the objects from the largest to the smallest."""
-    opening = f"{article(view.place)}{f' {view.light}' if view.light else ''}."
+    """A view as a caption: the place, where it is of a kind, and the light, then objects from the largest down."""
+    opening = f"{article(view.place or 'place')}{f' {view.light}' if view.light else ''}."
     sightings = [
         Sighting(f.name, third(f.x), tuple(filter(None, (f.colour, f.shape))), area=f.share, many=f.many, far=f.far)
         for f in view.objects

@@ -84,7 +84,10 @@ class Words:
 
 
 def words_of(examples: Iterable[Example], least: float, fewest: int) -> Words:
-    """Classes, colours and shapes that are seen in at least `fewest` images, and all places and lights."""
+    """Classes, colours and shapes that are seen in at least `fewest` images, and all places and lights.
+
+    A place of no kind ("") is one of them: a student has to know when it does not know.
+    """
     objects: Counter[str] = Counter()
     colours: Counter[str] = Counter()
     shapes: Counter[str] = Counter()
@@ -95,7 +98,7 @@ def words_of(examples: Iterable[Example], least: float, fewest: int) -> Words:
         visible = [thing.largest for thing in example.things if thing.largest.share >= least]
         colours.update({item.colour for item in visible if item.colour})
         shapes.update({item.shape for item in visible if item.shape})
-        places.update({example.place} - {""})
+        places.add(example.place)
         lights.add(example.light)
     return Words(
         _frequent(objects, fewest), _frequent(colours, fewest), _frequent(shapes, fewest),
