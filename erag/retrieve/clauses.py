@@ -28,21 +28,22 @@ _TRIGGERS: Mapping[How, tuple[str, ...]] = {
     ),
     "not": (
         "without", "but without", "but no", "and no", "with no", ", no", "with neither", "has neither", "has no", "have no",
-        "there is no", "there are no", "not", "not at", "not in", "not on", "but not", "and not", "other than",
+        "there is no", "there are no", "not", "but not", "and not", "other than",
         "except", "except for", "apart from", "instead of", "rather than", "anything but", "anywhere but", "free of",
         "free from", "avoiding", "lacking", "out of sight of",
     ),
 }  # fmt: skip
-_STARTS: Mapping[tuple[str, ...], How] = {tuple(t.split()): how for how, said in _TRIGGERS.items() for t in said}
+_WITHIN = ("at", "in", "on", "under", "beneath", "inside", "among", "behind", "below", "between")
+_STARTS: Mapping[tuple[str, ...], How] = {tuple(f"not {place}".split()): "not" for place in _WITHIN} | {tuple(t.split()): how for how, said in _TRIGGERS.items() for t in said}
 _LONGEST = max(map(len, _STARTS))
-_NEEDS_DETERMINER = frozenset({"by", "not by", "not", "but not", "and not", "not at", "not in", "not on"})
+_NEEDS_DETERMINER = frozenset({"by", "not by", "not", "but not", "and not"})
 _DETERMINERS = word_set("the a an any this that these those my our your its their some another one")
 _SKIPPED = _DETERMINERS | word_set("all too so as many much other lots of more most very")
 _NO_THINGS = lex.PRONOUNS | word_set("""
     me him her them us nothing anything something everything everyone anyone someone anybody somebody nobody one ones
     doubt problem problems question delay fail money help hurry haste trouble hassle luck effort warning permission
     notice exception cost charge success time home town way hour end look name midnight noon
-    position location somewhere anywhere else having need needing work
+    position location somewhere anywhere else having need needing work use service order
 """)
 _IDIOMS = {"by": word_set("way time hour book bucket name means end day week month look dozen looks")}
 _TO_BE_SEEN = word_set("seeing hearing climbing meeting")  # without seeing cars: the cars are what is not wanted
@@ -54,15 +55,16 @@ _DENIES_VERB = word_set("""
     am i'm was were do does did can could will would should must may might if why or have has had i we you they he she
     cannot don't
 """)
-_ASIDE = word_set("nearby around please either though anywhere")
+_ASIDE = word_set("nearby around please either though anywhere there")
+_OF_IT = re.compile(r"(?:(?:in|to) (?:front|sight|view|the way) of|(?:next|close) to|on|in|at|under|near|beside|by|around|behind|inside) (?:it|them) ")
 _AT = word_set("at in on by under around near beside behind")
 _AROUND = word_set("nearby around")
 _DANGLING = word_set("that which is are and but where there located situated placed with it's")
 _ACTS = word_set("""
     sit read rest eat drink wait watch play walk talk lie sleep meet see get take have buy go relax tell show bring park
-    study enjoy look find stay stop want need would
+    study enjoy look find stay stop
 """)
-_ONE_WORD = _SKIPPED | lex.PREPOSITIONS | lex.JOINERS | lex.PRONOUNS | lex.AUXILIARIES | _ASIDE | _ACTS
+_ONE_WORD = _SKIPPED | lex.PREPOSITIONS | lex.JOINERS | lex.PRONOUNS | lex.AUXILIARIES | _ASIDE | word_set("want wants need needs")
 _FIRST_PERSON = word_set("i i'm i've i'd i'll my we we're we've our")
 _WISHES = word_set("""
     want wants need needs like looking look find prefer rather search searching hope hoping where show take bring guide
@@ -186,7 +188,8 @@ def _read(said: Sequence[str], at: int, after: int, how: How) -> _Cut | None:
     """The clause whose trigger is the tokens [at, after); None where it only looks like one."""
     trigger, before = " ".join(said[at:after]), said[at - 1] if at else ","
     first = said[after] if after < len(said) else "."
-    if trigger in _NEEDS_DETERMINER and first not in _DETERMINERS:
+    bare = trigger.removeprefix("not ") in _WITHIN and before not in (",", "but", "and")
+    if (bare or trigger in _NEEDS_DETERMINER) and first not in _DETERMINERS:
         return None
     if not _means_it(trigger, before, said[at - 2] if at > 1 else ","):
         return None
@@ -196,15 +199,23 @@ def _read(said: Sequence[str], at: int, after: int, how: How) -> _Cut | None:
     things, end = _things(said, start)
     if not things:
         return None
-    stop = end
-    while stop < len(said) and said[stop] in _ASIDE:
-        stop += 1
+    stop = _end_of_aside(said, end)
     around = bool(_AROUND & set(said[end:stop]))
     if trigger == "with" and not around:
         return None
     if how == "not" and around:
         how = "far"
     return _Cut(Clause(how, things), at, stop)
+
+
+def _end_of_aside(said: Sequence[str], at: int) -> int:
+    """Behind what may follow a thing without naming another: `nearby`, `in front of it`."""
+    while at < len(said):
+        of_it = _OF_IT.match(" ".join([*said[at : at + 5], ""]))
+        if of_it is None and said[at] not in _ASIDE:
+            break
+        at += 1 if of_it is None else len(of_it[0].split())
+    return at
 
 
 def _means_it(trigger: str, before: str, earlier: str) -> bool:
@@ -287,7 +298,7 @@ def _joined(said: Sequence[str], at: int) -> int | None:
         return None
     follows = at + 2 if said[at] == "," and said[at + 1 : at + 2] in (["or"], ["nor"], ["and"]) else at + 1
     start = _first_word(said, follows)
-    return None if start is None or _noun_end(said, start) == start else start
+    return None if start is None or said[start] in _ACTS or _noun_end(said, start) == start else start
 
 
 def _list_goes_on(said: Sequence[str], at: int) -> bool:

@@ -23,6 +23,7 @@ from erag.retrieve.scoring import Batch, Factors, LeafScorer, Mask, Scores
 Floats = npt.NDArray[np.float64]
 NAMED = 0.9  # the least probability that a view shows what its text names word for word
 SHOWS = 0.5  # a node shows a thing from this share of the map's highest probability on
+UNNAMED = 0.4  # what counts of a node's probability that does not name the thing where others do
 KNOWN = 0.1  # a map whose highest probability is below this does not know the thing
 FLOOR = 0.1  # what is left of a node far from what it should be near
 STEPS, LEAST_M, MOST_M = 2.0, 5.0, 50.0  # near is so many spacings of the map's nodes, within these bounds
@@ -85,14 +86,24 @@ class Conditions:
     def _evident(self, thing: str, scores: Scores) -> Floats:
         """Probabilities (n,) corrected by what the texts name, and by what they say is not there."""
         probability = np.maximum(scores, 0).astype(np.float64)
-        named = self._index.phrase_rows(tokens(thing))
-        probability[named] = np.maximum(probability[named], NAMED)
+        named = self._naming(thing, probability)
+        if named.any():
+            probability = np.where(named, np.maximum(probability, NAMED), UNNAMED * probability)
         head = {stem(fold(word)) for word in content(thing)[-1:]}
         for row in np.flatnonzero(self._denying & (probability >= KNOWN)):
             said = mentions(self._corpus.texts[row])
             if head & said.denied_words and not head & said.words:
                 probability[row] = 0.0
         return probability
+
+    def _naming(self, thing: str, probability: Floats) -> Mask:
+        """(n,) bool: texts that have the words of a thing side by side, or its last one and are probable as well."""
+        named = np.zeros(len(probability), np.bool_)
+        named[self._index.phrase_rows(tokens(thing))] = True
+        head = np.zeros_like(named)
+        for word in content(thing)[-1:]:
+            head[self._index.rows(word)] = True
+        return named | head & (probability >= SHOWS * probability.max(initial=0.0))
 
     @cached_property
     def _denying(self) -> Mask:
