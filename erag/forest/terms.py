@@ -13,7 +13,7 @@ from erag.forest import lexicon as lex
 MAX_SIGN = 48  # characters kept of a quoted sign
 MAX_PHRASE = 5  # words kept of a phrase, the last ones
 
-_QUOTED = re.compile(
+QUOTED = re.compile(
     r"\"([^\"]{1,200})\"|“([^”]{1,200})”|«([^»]{1,200})»|(?<!\w)'([^']{1,80})'(?!\w)|(?<!\w)‘([^’]{1,80})’(?!\w)"
 )
 _TOKEN = re.compile(r"[^\W_]++(?:['’-][^\W_]++)*+|[.;:!?()…—–\"]|,")
@@ -101,7 +101,7 @@ def quoted_texts(text: str) -> tuple[str, ...]:
 
 def statements(text: str) -> list[str]:
     """The sentences of a text; a full stop inside a quoted text ends none."""
-    whole = _QUOTED.sub(lambda match: match[0].translate(_HIDDEN), text)
+    whole = QUOTED.sub(lambda match: match[0].translate(_HIDDEN), text)
     return [sentence.translate(_SHOWN) for sentence in sentences(whole)]
 
 
@@ -117,7 +117,7 @@ def _without_signs(text: str) -> tuple[str, tuple[str, ...]]:
         found.append(inner[:MAX_SIGN].strip())
         return ' " '
 
-    plain = _QUOTED.sub(keep, text)
+    plain = QUOTED.sub(keep, text)
     return plain, tuple(s for s in found if any(c.isalnum() for c in s))
 
 

@@ -166,12 +166,14 @@ class RetrieveConfig(_Config):
 
     score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
     score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
-    distance of the map's nodes from their centre.
+    distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view, near
+    or far; only where the scores are those of a `relevance` retriever.
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)
     expand: ExpandConfig | None = None
     rescore: RescoreConfig | None = None
+    conditions: bool = True
     alpha_rank: Share = 0.1
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3

@@ -20,7 +20,7 @@ from erag.retrieve.expand import Expander
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
-from erag.retrieve.searches import asks_models, gives_probabilities, search_of
+from erag.retrieve.searches import asks_models, conditions_of, gives_probabilities, scorer_of, search_of
 from erag.retrieve.tree import ClusterJudge
 
 _BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) arrays
@@ -57,6 +57,7 @@ class _Read:
 
     reached: Reached
     things: tuple[str, ...] = ()
+    conditions: str = ""
 
 
 class Retriever:
@@ -82,7 +83,9 @@ class Retriever:
         self._corpus, self._config = corpus, config
         if backend is None and asks_models(config):
             raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
-        self._search = search or search_of(corpus, config, backend, judge)
+        scorer = None if search else scorer_of(corpus, config, backend)
+        self._search = search or search_of(corpus, config, scorer, backend, judge)
+        self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand) if backend and config.expand else None
         self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None
         self._distances = router or StraightLines(corpus.topomap)
@@ -133,13 +136,16 @@ class Retriever:
         if not self._corpus.searchable.any():
             return [_Read(Reached(np.empty(0, np.int64), np.empty(0, np.float32), 0)) for _ in queries]
         batch = Batch(tuple(query.text or "" for query in queries), vectors)
+        whole, told = batch, [""] * len(queries)
         things: list[tuple[str, ...]] = [()] * len(queries)
+        if self._conditions is not None:
+            batch, told = self._conditions.read(batch, [query.kind != "explain" for query in queries])
         if self._expander is not None:
             batch, things = self._expander.expanded(batch)
         found = self._search.search(batch, np.stack([self.eligible(query) for query in queries]))
         if self._rescorer is not None:
-            found = self._rescorer.rescored(batch, found, max(query.top for query in queries))
-        return [_Read(reached, named) for reached, named in zip(found, things, strict=True)]
+            found = self._rescorer.rescored(whole, found, max(query.top for query in queries))
+        return [_Read(*parts) for parts in zip(found, things, told, strict=True)]
 
     def _askable(self, query: Query) -> Mask:
         """(n,) bool: nodes with what the query looks at, whenever they were observed."""
@@ -162,7 +168,8 @@ class Retriever:
             ranked, visited = self._rank(query, reached.rows[order], semantic), reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
         looked = [f"also looked for: {', '.join(read.things)}"] if read and read.things else []
-        notes = (*looked, *self._map_notes(query, bool(hits)), *_hit_notes(query, ranked))
+        set_out = [f"conditions: {read.conditions}"] if read and read.conditions else []
+        notes = (*set_out, *looked, *self._map_notes(query, bool(hits)), *_hit_notes(query, ranked))
         return Found(hits, visited, notes, self._probability(read))
 
     def _probability(self, read: _Read | None) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ class Expander:
         distinct = tuple(dict.fromkeys((*texts, *(thing for things in named for thing in things))))
         vectors = dict(zip(distinct, self._backend.embed(distinct, "query"), strict=True))
         joined, *each = (Batch(some, np.stack([vectors[text] for text in some])) for some in (texts, *named))
-        return Batch(batch.texts, batch.vectors, joined, tuple(each)), named
+        return replace(batch, also=joined, named=tuple(each)), named
 
     def _prompt(self, text: str) -> Prompt:
         turns = [("system", INSTRUCTION)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +28,18 @@ def tokens(text: str) -> list[str]:
     return [singular(word) for word in words(text)]
 
 
+def content(text: str) -> list[str]:
+    """The words of a request that say what it is about, in their order."""
+    return [token for token in tokens(text) if token not in _unasked()]
+
+
+@lru_cache(maxsize=1)
+def _unasked() -> frozenset[str]:
+    from bm25s.stopwords import STOPWORDS_EN_PLUS
+
+    return frozenset(STOPWORDS_EN_PLUS) | _ASKING
+
+
 class LexicalIndex:
     """Where each word stands in n texts."""
 
@@ -39,10 +51,6 @@ class LexicalIndex:
         self._starts = starts.astype(np.int64)
         self._mean = max(float(self._lengths.mean()), 1.0) if said else 1.0
         self._places = _postings(said, self._starts)
-
-    def content(self, text: str) -> list[str]:
-        """The words of a request that say what it is about, in their order."""
-        return [token for token in tokens(text) if token not in self._unasked]
 
     def rows(self, token: str) -> IntArray:
         """The texts that have a word, (r,) ascending."""
@@ -62,7 +70,7 @@ class LexicalIndex:
         weighted by how rare the words are. Zeros for a request without content.
         """
         out = np.zeros((self.count, 3))
-        asked = self.content(text)
+        asked = content(text)
         distinct = list(dict.fromkeys(asked))
         rarity = np.array([self._rarity(token) for token in distinct])
         if not distinct or rarity.sum() <= 0:
@@ -95,12 +103,6 @@ class LexicalIndex:
 
     def _row_of(self, at: IntArray) -> IntArray:
         return np.searchsorted(self._starts, at, side="right") - 1
-
-    @cached_property
-    def _unasked(self) -> frozenset[str]:
-        from bm25s.stopwords import STOPWORDS_EN_PLUS
-
-        return frozenset(STOPWORDS_EN_PLUS) | _ASKING
 
 
 _NOWHERE = np.empty(0, np.int64)

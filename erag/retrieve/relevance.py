@@ -107,6 +107,11 @@ class RelevanceScorer:
     def __init__(self, table: EvidenceTable, models: Fitted) -> None:
         self._table, self._models = table, models
 
+    @property
+    def index(self) -> LexicalIndex:
+        """Where the words of the texts stand."""
+        return self._table.index
+
     def scores(self, batch: Batch) -> Scores:
         """(q, n) in (0, 1); `NOT_FOUND` for nodes without text."""
         model = self._models.named if batch.named else self._models.plain

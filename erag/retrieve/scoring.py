@@ -18,17 +18,26 @@ _ROWS = 2048  # rows of a table multiplied at once
 
 
 @dataclass(frozen=True, slots=True)
+class Factors:
+    """How well the nodes meet the conditions of q queries: `by` (q, n) in [0, 1]; `alone` (q,): nothing else is wanted."""
+
+    by: Scores
+    alone: Mask
+
+
+@dataclass(frozen=True, slots=True)
 class Batch:
     """Queries that have text: `texts` (q,) and their `vectors` (q, d), unit rows.
 
     `also`: what else is searched for each of them, as a batch of q rows; None where nothing is. `named`: the same thing
-    by thing, a batch for each query.
+    by thing, a batch for each query. `factors`: of the conditions that the queries set; None where none sets any.
     """
 
     texts: tuple[str, ...]
     vectors: Vectors
     also: Batch | None = None
     named: tuple[Batch, ...] = ()
+    factors: Factors | None = None
 
     def __len__(self) -> int:
         return len(self.texts)

@@ -10,6 +10,7 @@ from erag.lm.roles import LMBackend
 from erag.retrieve.bm25 import Bm25Scorer
 from erag.retrieve.collapsed import CollapsedSearch
 from erag.retrieve.community import CommunitySearch
+from erag.retrieve.conditions import ConditionedScorer, Conditions
 from erag.retrieve.config import (
     Bm25Config,
     CollapsedConfig,
@@ -51,10 +52,22 @@ def leaf_scorer(corpus: Corpus, config: FlatConfig, backend: LMBackend | None = 
     return SentenceScorer(corpus)
 
 
+def scorer_of(corpus: Corpus, config: RetrieveConfig, backend: LMBackend | None = None) -> LeafScorer | None:
+    """What scores the leaves of the configured search; None for the rules of other systems."""
+    kind = config.retriever
+    if isinstance(kind, CollapsedConfig | CommunityConfig | DualConfig):
+        return None
+    return leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind, backend)
+
+
 def search_of(
-    corpus: Corpus, config: RetrieveConfig, backend: LMBackend | None = None, judge: ClusterJudge | None = None
+    corpus: Corpus,
+    config: RetrieveConfig,
+    scorer: LeafScorer | None,
+    backend: LMBackend | None = None,
+    judge: ClusterJudge | None = None,
 ) -> Search:
-    """The search a configuration asks for; `judge` takes the decisions of a tree whatever it says."""
+    """The search a configuration asks for over what `scorer_of` gave; `judge` takes the decisions of a tree."""
     kind = config.retriever
     if isinstance(kind, CollapsedConfig):
         return CollapsedSearch(corpus, kind)
@@ -62,8 +75,10 @@ def search_of(
         return CommunitySearch(corpus, kind)
     if isinstance(kind, DualConfig):
         return DualSearch(corpus, kind)
-    scorer = leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind, backend)
-    if config.expand is not None and not isinstance(scorer, RelevanceScorer):
+    scorer = scorer or leaf_scorer(corpus, kind.scores if isinstance(kind, TreeConfig) else kind, backend)
+    if isinstance(scorer, RelevanceScorer):
+        scorer = ConditionedScorer(scorer)
+    elif config.expand is not None:
         scorer = ExpandedScorer(scorer, config.expand.weight)
     if isinstance(kind, TreeConfig):
         return TreeSearch(corpus, kind, scorer, _decider(corpus, kind, backend, judge))
@@ -81,6 +96,15 @@ def _decider(
     if asked is None or asked.shortlist is None:
         return lambda _: model
     return partial(Shortlisted, then=model, shortlist=asked.shortlist)
+
+
+def conditions_of(
+    corpus: Corpus, config: RetrieveConfig, scorer: LeafScorer | None, backend: LMBackend | None
+) -> Conditions | None:
+    """The reader of conditions; None where none are read: switched off, no embedder, scores that are no probabilities."""
+    if not config.conditions or backend is None or not isinstance(scorer, RelevanceScorer):
+        return None
+    return Conditions(corpus, scorer, scorer.index, backend)
 
 
 def asks_models(config: RetrieveConfig) -> bool:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from erag.retrieve.lexical import LexicalIndex, tokens
+from erag.retrieve.lexical import LexicalIndex, content, tokens
 
 TEXTS = ("A green tractor by a red barn.", "A red tractor.", "", "Two benches near the tractor, all red.", "Benches!")
 WORDS = st.lists(st.sampled_from(["red", "green", "tractor", "bench", "barn", "lamp"]), max_size=6)
@@ -38,7 +38,7 @@ def test_a_colour_belongs_to_what_follows_it() -> None:
 
 def test_words_of_asking_and_empty_requests_count_nothing() -> None:
     index = LexicalIndex(TEXTS)
-    assert index.content("Please take me to the nearest bench.") == ["bench"]
+    assert content("Please take me to the nearest bench.") == ["bench"]
     assert not index.matches("Where is it?").any()
     assert not index.matches("unicorn").any()
     assert LexicalIndex(()).matches("bench").shape == (0, 3)

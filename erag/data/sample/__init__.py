@@ -27,3 +27,8 @@ def sample_dir() -> Path:
 def sample_queries() -> Path:
     """The 40 labelled queries of the sample, in the `Q.jsonl` contract with label keys besides."""
     return sample_dir() / "queries.jsonl"
+
+
+def sample_conditions() -> Path:
+    """The 48 labelled queries that set conditions in words (near, away from, not), likewise; `half` splits them in two."""
+    return sample_dir() / "conditions.jsonl"
