@@ -225,6 +225,8 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
 def _panel(
     axes: Any, rows: Sequence[Row], title: str, values: Sequence[float], upper: Sequence[float] | None = None
 ) -> None:
+    from matplotlib.ticker import FuncFormatter, NullFormatter
+
     axes.set_xscale("log")
     axes.set_yscale("log")
     for (name, mark), colour in zip(_lines(rows), cycle(_COLOURS), strict=False):
@@ -233,6 +235,9 @@ def _panel(
         axes.plot(x, [values[i] for i in own], mark, color=colour, markersize=5, linewidth=1.2, label=name)
         if upper is not None:
             axes.fill_between(x, [values[i] for i in own], [upper[i] for i in own], color=colour, alpha=0.15, linewidth=0)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda nodes, _: f"{nodes:,.0f}"))
     axes.set_title(title, fontsize=10)
     axes.set_xlabel("nodes of the map", fontsize=9)
     axes.tick_params(labelsize=8)
