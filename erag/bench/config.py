@@ -151,6 +151,24 @@ class AwareBench(_Bench):
     pipeline: PipelineConfig = PipelineConfig()
 
 
+class ScalingBench(_Bench):
+    """What a query costs on generated maps of `sizes` nodes, of which those up to `built_up_to` get a forest by the builder.
+
+    `queries` are asked `repeats` times of each of `retrievers`, which are sets of overrides of `pipeline.retrieve`.
+    The plot is written to `plot`.
+    """
+
+    kind: Literal["scaling"]
+    sizes: tuple[Count, ...] = (300, 1_000, 3_000, 10_000, 30_000, 100_000, 300_000)
+    built_up_to: Annotated[int, Field(ge=0)] = 30_000
+    queries: Count = 12
+    repeats: Count = 3
+    seed: int = 0
+    retrievers: dict[str, dict[str, object]]
+    plot: Path = Path("experiments/bench-scaling/scaling.png")
+    pipeline: PipelineConfig = PipelineConfig()
+
+
 AnyBench = (
     AwareBench
     | RetrievalBench
@@ -160,6 +178,7 @@ AnyBench = (
     | BuildBench
     | ClusteringBench
     | CaptionsBench
+    | ScalingBench
 )
 
 

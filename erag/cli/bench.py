@@ -47,6 +47,8 @@ def bench(
             _clustering(chosen)
         case kinds.CaptionsBench() as chosen:
             _captions(chosen)
+        case kinds.ScalingBench() as chosen:
+            _scaling(chosen)
 
 
 def _aware(config: kinds.AwareBench) -> None:
@@ -150,6 +152,18 @@ def _clustering(config: kinds.ClusteringBench) -> None:
         show.say(f"{row.nodes} nodes, {row.method}: {row.seconds:.1f} s")
         rows.append(row)
     show.table(*columns(rows))
+
+
+def _scaling(config: kinds.ScalingBench) -> None:
+    from erag.bench.scaling import columns, plotted, run
+    from erag.lm.weights import default_store
+
+    rows = []
+    for row in run(config, default_store()):
+        show.say(f"{row.nodes} nodes, {row.retriever}: {1000 * row.median:.1f} ms")
+        rows.append(row)
+    show.table(*columns(rows))
+    show.out(f"plot: {config.plot}" if plotted(rows, config.plot) else "no plot: matplotlib is not installed")
 
 
 def _captions(config: kinds.CaptionsBench) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from erag.core.text import words
@@ -10,6 +12,7 @@ from erag.retrieve.corpus import Corpus
 from erag.retrieve.scoring import NOT_FOUND, Batch, Scores
 
 
+@lru_cache(maxsize=1 << 16)
 def singular(word: str) -> str:
     """An English plural without its ending: Harman's S stemmer (1991), and `benches`, `boxes`, `grasses` whole."""
     if len(word) < 4 or not word.endswith("s") or word[-2] in "us":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -47,21 +47,20 @@ class LexicalIndex:
         said = [tokens(text) for text in texts]
         self.count = len(said)
         self._lengths = np.array([len(t) for t in said], np.int64)
-        starts = np.concatenate([[0], np.cumsum(self._lengths + NEAR)])[:-1] if said else np.empty(0, np.int64)
-        self._starts = starts.astype(np.int64)
+        self._row_at = np.repeat(np.arange(len(said)), self._lengths + NEAR)  # of each place
         self._mean = max(float(self._lengths.mean()), 1.0) if said else 1.0
-        self._places = _postings(said, self._starts)
+        self._places = _postings(said, self._lengths)
 
     def rows(self, token: str) -> IntArray:
         """The texts that have a word, (r,) ascending."""
-        return np.unique(self._row_of(self._at(token)))
+        return _distinct(self._row_at[self._at(token)])
 
     def phrase_rows(self, phrase: Sequence[str]) -> IntArray:
         """The texts in which the words of a phrase stand directly one after the other, (r,) ascending."""
         at = self._at(phrase[0]) if phrase else np.empty(0, np.int64)
         for distance, token in enumerate(phrase[1:], 1):
-            at = at[np.isin(at + distance, self._at(token), assume_unique=True)]
-        return np.unique(self._row_of(at))
+            at = at[_among(at + distance, self._at(token))]
+        return _distinct(self._row_at[at])
 
     def matches(self, text: str) -> Floats:
         """(n, 3): BM25 and the weighted share of the words of a request that a text has, and of its neighbouring pairs.
@@ -76,7 +75,7 @@ class LexicalIndex:
         if not distinct or rarity.sum() <= 0:
             return out
         for token, weight in zip(distinct, rarity / rarity.sum(), strict=True):
-            rows, often = np.unique(self._row_of(self._at(token)), return_counts=True)
+            rows, often = np.unique(self._row_at[self._at(token)], return_counts=True)
             length = 1 - B + B * self._lengths[rows] / self._mean
             out[rows, 0] += weight * often / (often + K1 * length)
             out[rows, 1] += weight
@@ -91,8 +90,8 @@ class LexicalIndex:
         a, b = self._at(first), self._at(second)
         near = np.zeros(len(a), np.bool_)
         for distance in range(1, NEAR + 1):
-            near |= np.isin(a + distance, b, assume_unique=True)
-        return np.unique(self._row_of(a[near]))
+            near |= _among(a + distance, b)
+        return _distinct(self._row_at[a[near]])
 
     def _rarity(self, token: str) -> float:
         n, found = self.count, len(self.rows(token))
@@ -101,17 +100,29 @@ class LexicalIndex:
     def _at(self, token: str) -> IntArray:
         return self._places.get(token, _NOWHERE)
 
-    def _row_of(self, at: IntArray) -> IntArray:
-        return np.searchsorted(self._starts, at, side="right") - 1
 
 
 _NOWHERE = np.empty(0, np.int64)
 
 
-def _postings(said: Iterable[Sequence[str]], starts: IntArray) -> dict[str, IntArray]:
+def _postings(said: Sequence[Sequence[str]], lengths: IntArray) -> dict[str, IntArray]:
     """The places of each word, ascending; texts follow each other with a gap that no pair spans."""
-    found: dict[str, list[int]] = {}
-    for start, text in zip(starts.tolist(), said, strict=True):
-        for place, token in enumerate(text, start):
-            found.setdefault(token, []).append(place)
-    return {token: np.array(places, np.int64) for token, places in found.items()}
+    known: dict[str, int] = {}
+    word = np.array([known.setdefault(token, len(known)) for text in said for token in text], np.int64)
+    place = np.arange(len(word)) + np.repeat(np.arange(len(lengths)) * NEAR, lengths)
+    order = np.argsort(word, kind="stable")
+    ends = np.cumsum(np.bincount(word, minlength=len(known)))
+    return dict(zip(known, np.split(place[order], ends[:-1]), strict=True)) if known else {}
+
+
+def _among(keys: IntArray, places: IntArray) -> npt.NDArray[np.bool_]:
+    """(k,) bool: which of ascending `keys` are among ascending `places`."""
+    if not len(places):
+        return np.zeros(len(keys), np.bool_)
+    at = np.minimum(np.searchsorted(places, keys), len(places) - 1)
+    return np.asarray(places[at] == keys)
+
+
+def _distinct(rows: IntArray) -> IntArray:
+    """Ascending rows without repetitions."""
+    return rows[np.diff(rows, prepend=-1) > 0]

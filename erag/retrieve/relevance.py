@@ -74,16 +74,17 @@ class EvidenceTable:
 
     def of(self, batch: Batch) -> list[Evidence]:
         """The evidence for each query of a batch, rows (n, f)."""
-        found = self._own(batch)
         names: tuple[str, ...] = OWN
+        parts = [[own] for own in self._own(batch)]
         if self.uses is not None:
-            found = [np.hstack([own, self.uses.scores(v)]) for own, v in zip(found, batch.vectors, strict=True)]
             names += SERVES
+            for part, vector in zip(parts, batch.vectors, strict=True):
+                part.append(self.uses.scores(vector))
         if batch.named:
-            things = [self._things(named) for named in batch.named]
-            found = [np.hstack([own, parts]) for own, parts in zip(found, things, strict=True)]
             names += NAMED
-        return [Evidence(rows, names) for rows in found]
+            for part, named in zip(parts, batch.named, strict=True):
+                part.append(self._things(named))
+        return [Evidence(np.hstack(part), names) for part in parts]
 
     def _things(self, named: Batch) -> Floats:
         """(n, 14): the best and the mean evidence for the things that would satisfy a query."""
