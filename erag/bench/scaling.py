@@ -25,7 +25,7 @@ from erag.retrieve.config import RetrieveConfig, TreeConfig
 from erag.retrieve.corpus import Corpus, map_texts
 from erag.retrieve.engine import Retriever
 from erag.retrieve.scoring import Batch, Search
-from erag.retrieve.searches import leaf_scorer, search_of
+from erag.retrieve.searches import leaf_scorer, scorer_of, search_of
 from erag.retrieve.tree import Choice, ClusterJudge, TreeSearch
 
 _COLOURS = ("#1f3a5f", "#b0552b", "#2a8a4a", "#8a5fa8", "#777777")
@@ -178,13 +178,13 @@ def _search(corpus: Corpus, config: RetrieveConfig, backend: LMBackend, tally: T
     kind = config.retriever
     if isinstance(kind, TreeConfig):
         return TreeSearch(corpus, kind, leaf_scorer(corpus, kind.scores, backend), tally)
-    return search_of(corpus, config, backend)
+    return search_of(corpus, config, scorer_of(corpus, config, backend), backend)
 
 
 def columns(rows: Sequence[Row]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """The measurements as a table: names of columns, and cells."""
     names = ("nodes", "retriever", "vectors", "opened", "median ms", "95 % ms", "right", "index s", "peak MB", "forest")
-    cells = [
+    cells: list[tuple[str, ...]] = [
         (
             f"{r.nodes:,}",
             r.retriever,
