@@ -49,7 +49,8 @@ _NO_THINGS = lex.PRONOUNS | word_set("""
     me him her them us nothing anything something everything everyone anyone someone anybody somebody nobody one ones
     doubt problem problems question delay fail money help hurry haste trouble hassle luck effort warning permission
     notice exception cost charge success time home town way hour end look name midnight noon
-    position location somewhere anywhere else having need needing work use service order place spot mine ours hers theirs
+    position location somewhere anywhere else having need needing work use service order place spot mine ours hers
+    theirs
 """)
 _IDIOMS = {"by": word_set("way time hour book bucket name means end day week month look dozen looks hand")}
 _TO_BE_SEEN = word_set("seeing hearing climbing meeting")  # without seeing cars: the cars are what is not wanted
@@ -65,7 +66,8 @@ _DENIES_VERB = word_set("""
 """)
 _ASIDE = word_set("nearby around please either though anywhere there")
 _OF_IT = re.compile(
-    r"(?:(?:in|to) (?:front|sight|view|the way) of|(?:next|close) to|on|in|at|under|near|beside|by|around|behind|inside)"
+    r"(?:(?:in|to) (?:front|sight|view|the way) of|(?:next|close) to|"
+    r"on|in|at|under|near|beside|by|around|behind|inside)"
     r" (?:it|them) "
 )
 _AROUND = word_set("nearby around")
