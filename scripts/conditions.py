@@ -2,8 +2,8 @@
 
 python scripts/conditions.py [--half look | measure] [--preset tiny] [--memory M.erag] [--set path=value] [--each]
 
-The queries are those of the sample, erag/data/sample/conditions.jsonl: one half was looked at while the reader was written,
-the other is for measuring. Prints P@1 with 95 % bootstrap intervals, and that of the paired difference.
+The queries are those of the sample, erag/data/sample/conditions.jsonl: one half was looked at while the reader was
+written, the other is for measuring. Prints P@1 with 95 % bootstrap intervals, and that of the paired difference.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ def main() -> None:
             if args.each:
                 hits = [[hit.node, round(hit.score, 3)] for hit in result.hits[:3]]
                 print(json.dumps([line.id, read, right[read][-1], raw["query"], hits, result.notes]))
-        print(f"{args.half}, {len(lines)} queries, conditions {'read' if read else 'not read'}: {bootstrap(right[read])}")
+        print(
+            f"{args.half}, {len(lines)} queries, conditions {'read' if read else 'not read'}: {bootstrap(right[read])}"
+        )
     print(f"difference: {paired_bootstrap(right[True], right[False])}")
 
 
@@ -57,7 +59,16 @@ def _built(path: Path, preset: str) -> None:
     if path.is_file():
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    only = load_config(preset, None, ("backend.roles={embed: minilm}", "retrieve.retriever={kind: fusion}", "answer.explain=quotes", "retrieve.expand=null"))
+    only = load_config(
+        preset,
+        None,
+        (
+            "backend.roles={embed: minilm}",
+            "retrieve.retriever={kind: fusion}",
+            "answer.explain=quotes",
+            "retrieve.expand=null",
+        ),
+    )
     ingest(sample_dir(), path)
     with MemoryFile.writing(path, "conditions") as memory:
         build(memory, only, default_store())

@@ -18,8 +18,9 @@ MOST_CLAUSES, MOST_TOKENS, MOST_WORDS = 4, 200, 6  # clauses read of a query; it
 
 _TRIGGERS: Mapping[How, tuple[str, ...]] = {
     "near": (
-        "near", "near to", "next to", "close to", "close by", "beside", "adjacent to", "alongside", "in the vicinity of",
-        "not far from", "not too far from", "not very far from", "not far away from", "not too far away from", "a short walk from", "by", "with",
+        "near", "near to", "next to", "close to", "close by", "beside", "adjacent to", "alongside", "by", "with",
+        "in the vicinity of", "not far from", "not too far from", "not very far from", "not far away from",
+        "not too far away from", "a short walk from",
     ),
     "far": (
         "away from", "far from", "far away from", "well away from", "a long way from", "at a distance from",
@@ -27,29 +28,36 @@ _TRIGGERS: Mapping[How, tuple[str, ...]] = {
         "nowhere near", "not anywhere near", "nowhere close to",
     ),
     "not": (
-        "without", "but without", "but no", "and no", "with no", ", no", "with neither", "has neither", "has no", "have no", "not have",
-        "there is no", "there are no", "not", "but not", "and not", "other than",
+        "without", "but without", "but no", "and no", "with no", ", no", "with neither", "has neither", "has no",
+        "have no", "not have", "there is no", "there are no", "not", "but not", "and not", "other than",
         "except", "except for", "apart from", "instead of", "rather than", "anything but", "anywhere but", "free of",
         "free from", "avoiding", "lacking", "out of sight of",
     ),
 }  # fmt: skip
 _WITHIN = ("at", "in", "on", "under", "beneath", "inside", "among", "behind", "below", "between")
-_STARTS: Mapping[tuple[str, ...], How] = {tuple(f"not {place}".split()): "not" for place in _WITHIN} | {tuple(t.split()): how for how, said in _TRIGGERS.items() for t in said}
+_STARTS: Mapping[tuple[str, ...], How] = {
+    **{("not", place): "not" for place in _WITHIN},
+    **{tuple(t.split()): how for how, said in _TRIGGERS.items() for t in said},
+}
 _LONGEST = max(map(len, _STARTS))
 _NEEDS_DETERMINER = frozenset({"by", "not by", "not", "but not", "and not"})
 _DETERMINERS = word_set("the a an any this that these those my our your its their some another one")
+_NOUN_FOLLOWS = _DETERMINERS | set(_WITHIN)
 _POSSESSIVES = word_set("my our your its their his her")
 _SKIPPED = _DETERMINERS | _POSSESSIVES | word_set("all too so as many much other lots of more most very single")
 _NO_THINGS = lex.PRONOUNS | word_set("""
     me him her them us nothing anything something everything everyone anyone someone anybody somebody nobody one ones
     doubt problem problems question delay fail money help hurry haste trouble hassle luck effort warning permission
     notice exception cost charge success time home town way hour end look name midnight noon
-    position location somewhere anywhere else having need needing work use service order place spot mine ours hers theirs
+    position location somewhere anywhere else having need needing work use service order place spot mine ours hers
+    theirs
 """)
 _IDIOMS = {"by": word_set("way time hour book bucket name means end day week month look dozen looks hand")}
 _TO_BE_SEEN = word_set("seeing hearing climbing meeting")  # without seeing cars: the cars are what is not wanted
 _TO_DO = (("having", "to", "climb"), ("having", "to", "see"), ("having", "to", "use"), ("needing", "to", "climb"))
-_TAKEN = word_set("keep keeps kept take takes taking taken throw carry give blow run ran runs put go goes went ride drive drove")
+_TAKEN = word_set(
+    "keep keeps kept take takes taking taken throw carry give blow run ran runs put go goes went ride drive drove"
+)
 _PASSIVE = word_set("made lit built run driven written taken given sold shown known hidden held drawn eaten worn")
 _STANDING = word_set("parked located situated placed seated planted positioned")
 _DENIES_VERB = word_set("""
@@ -57,16 +65,31 @@ _DENIES_VERB = word_set("""
     cannot don't
 """)
 _ASIDE = word_set("nearby around please either though anywhere there")
-_OF_IT = re.compile(r"(?:(?:in|to) (?:front|sight|view|the way) of|(?:next|close) to|on|in|at|under|near|beside|by|around|behind|inside) (?:it|them) ")
+_OF_IT = re.compile(
+    r"(?:(?:in|to) (?:front|sight|view|the way) of|(?:next|close) to|"
+    r"on|in|at|under|near|beside|by|around|behind|inside)"
+    r" (?:it|them) "
+)
 _AROUND = word_set("nearby around")
 _DANGLING = word_set("that that's which is are does do and but where there located situated placed with it's")
 _ACTS = word_set("""
     sit read rest eat drink wait watch play walk talk lie sleep meet see get take have buy go relax tell show bring park
     study enjoy look find stay stop
 """)
-_ONE_WORD = _SKIPPED | word_set("me him them us mine ours hers theirs") | lex.PREPOSITIONS | lex.JOINERS | lex.PRONOUNS | lex.AUXILIARIES | _ASIDE | word_set("want wants need needs")
+_ONE_WORD = (
+    _SKIPPED
+    | word_set("me him them us mine ours hers theirs")
+    | lex.PREPOSITIONS
+    | lex.JOINERS
+    | lex.PRONOUNS
+    | lex.AUXILIARIES
+    | _ASIDE
+    | word_set("want wants need needs")
+)
 _FIRST_PERSON = word_set("i i'm i've i'd i'll my we we're we've our")
-_TELLS = word_set("it it's he she they there there's this that you everyone everybody somebody someone his her their your")
+_TELLS = word_set(
+    "it it's he she they there there's this that you everyone everybody somebody someone his her their your"
+)
 _ASKS_ELSE = word_set("nothing nobody none no never what why how when who")  # begin what no condition is read from
 _WISHES = word_set("""
     want wants need needs looking find prefer rather search searching hope hoping where show take bring guide can could
@@ -227,7 +250,7 @@ def _read(said: Sequence[str], at: int, after: int, how: How) -> _Cut | None:
 
 
 def _but_the_one(said: Sequence[str], at: int, how: How) -> tuple[int, How]:
-    """Behind `the one at`, and what that makes of a `not`: the one next to the canteen is not wanted, so far from it."""
+    """Behind `the one at`, and what that makes of a `not`: far from the canteen, if the one next to it is out."""
     one = at + 1 if said[at : at + 1] == ["the"] else at
     if how != "not" or tuple(said[one : one + 1]) not in (("one",), ("ones",)):
         return at, how
@@ -241,7 +264,7 @@ def _means_it(said: Sequence[str], at: int, after: int) -> bool:
     """Whether the trigger [at, after) is one after the words before it, and before those behind it."""
     trigger, before = " ".join(said[at:after]), said[at - 1] if at else ","
     earlier, first = said[at - 2] if at > 1 else ",", said[after] if after < len(said) else "."
-    bare = trigger.removeprefix("not ") in _WITHIN and before not in (",", "but", "and")
+    bare = trigger.removeprefix("not ") in _WITHIN and before not in (",", "but", "and", "is", "are")
     if (bare or trigger in _NEEDS_DETERMINER) and first not in _DETERMINERS:
         return False
     if trigger == "by":
@@ -284,11 +307,11 @@ def _first_word(said: Sequence[str], at: int, how: How) -> int | None:
     if at >= len(said) or said[at] in _MARKS or said[at] in _NO_THINGS or said[at][0].isdigit():
         return None
     verbal = said[at].endswith("ing") and said[at] not in lex.NOUNS_IN_ING
-    return None if verbal and how == "not" and said[at - 1] not in _DETERMINERS else at
+    return None if verbal and how == "not" and said[at - 1] not in _NOUN_FOLLOWS else at
 
 
 def _things(said: Sequence[str], at: int) -> tuple[tuple[str, ...], int]:
-    """The things listed from `at` on, and where the list ends: nouns joined by `or`, `nor`, `and`, or commas before one."""
+    """The things listed from `at` on, and where the list ends: nouns joined by `or`, `nor`, `and`, and by commas."""
     things: list[str] = []
     while True:
         end = _noun_end(said, at)

@@ -103,7 +103,7 @@ class Conditions:
         head = np.zeros_like(named)
         for word in content(thing)[-1:]:
             head[self._index.rows(word)] = True
-        return named | head & (probability >= SHOWS * probability.max(initial=0.0))
+        return np.asarray(named | head & (probability >= SHOWS * probability.max(initial=0.0)))
 
     @cached_property
     def _denying(self) -> Mask:

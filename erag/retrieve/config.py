@@ -166,8 +166,8 @@ class RetrieveConfig(_Config):
 
     score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
     score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
-    distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view, near
-    or far; only where the scores are those of a `relevance` retriever.
+    distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view,
+    near or far; only where the scores are those of a `relevance` retriever.
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)

@@ -84,7 +84,7 @@ class Retriever:
         if backend is None and asks_models(config):
             raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
         scorer = None if search else scorer_of(corpus, config, backend)
-        self._search = search or search_of(corpus, config, scorer, backend, judge)
+        self._search = search or search_of(corpus, config, backend, judge, scorer)
         self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand) if backend and config.expand else None
         self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None

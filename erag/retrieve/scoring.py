@@ -19,7 +19,7 @@ _ROWS = 2048  # rows of a table multiplied at once
 
 @dataclass(frozen=True, slots=True)
 class Factors:
-    """How well the nodes meet the conditions of q queries: `by` (q, n) in [0, 1]; `alone` (q,): nothing else is wanted."""
+    """How well nodes meet the conditions of q queries: `by` (q, n) in [0, 1]; `alone` (q,): nothing else is wanted."""
 
     by: Scores
     alone: Mask

@@ -63,11 +63,11 @@ def scorer_of(corpus: Corpus, config: RetrieveConfig, backend: LMBackend | None 
 def search_of(
     corpus: Corpus,
     config: RetrieveConfig,
-    scorer: LeafScorer | None,
     backend: LMBackend | None = None,
     judge: ClusterJudge | None = None,
+    scorer: LeafScorer | None = None,
 ) -> Search:
-    """The search a configuration asks for over what `scorer_of` gave; `judge` takes the decisions of a tree."""
+    """The search a configuration asks for; `judge` takes the decisions of a tree, `scorer` is what `scorer_of` gave."""
     kind = config.retriever
     if isinstance(kind, CollapsedConfig):
         return CollapsedSearch(corpus, kind)
@@ -101,7 +101,7 @@ def _decider(
 def conditions_of(
     corpus: Corpus, config: RetrieveConfig, scorer: LeafScorer | None, backend: LMBackend | None
 ) -> Conditions | None:
-    """The reader of conditions; None where none are read: switched off, no embedder, scores that are no probabilities."""
+    """The reader of conditions; None where it is off, without an embedder, and for scores that are no probabilities."""
     if not config.conditions or backend is None or not isinstance(scorer, RelevanceScorer):
         return None
     return Conditions(corpus, scorer, scorer.index, backend)

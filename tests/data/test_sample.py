@@ -17,7 +17,7 @@ from erag.core.errors import InputError
 from erag.core.geometry import distance
 from erag.core.text import sentences, words
 from erag.core.types import Frame
-from erag.data.sample import sample_dir, sample_queries
+from erag.data.sample import sample_conditions, sample_dir, sample_queries
 
 MIXED_KEYS = {"at", "sensor", "since", "until"}
 FUNCTION_WORDS = {"a", "an", "the", "in", "on", "of", "with", "and"}
@@ -204,3 +204,19 @@ def test_unanswerable_queries_have_no_answer_here() -> None:
     assert not re.search(r"swimming|pharmac|chemist's|cinema|\bfilm\b", everything)
     assert "scaffolding" not in autumn
     assert "scaffolding" in everything
+
+
+def test_labels_of_conditions_follow_from_their_rules() -> None:
+    asked = [json.loads(line) for line in sample_conditions().read_text("utf-8").splitlines()]
+    assert Counter(q["half"] for q in asked) == {"look": 24, "measure": 24}
+    assert len({q["query"] for q in asked} | {q["id"] for q in asked}) == 96
+    for q in asked:
+        right = by_rule(q["relevance_rule"])
+        if "not_rule" in q:
+            right -= by_rule(q["not_rule"])
+        if "near_rule" in q:
+            right = {i for i in right if min(metres(i, j) for j in by_rule(q["near_rule"])) <= 40}
+        if "far_rule" in q:
+            right = {i for i in right if min(metres(i, j) for j in by_rule(q["far_rule"])) >= 60}
+        assert right, q["id"]
+        assert set(q["relevant"]) == right, q["id"]

@@ -30,5 +30,5 @@ def sample_queries() -> Path:
 
 
 def sample_conditions() -> Path:
-    """The 48 labelled queries that set conditions in words (near, away from, not), likewise; `half` splits them in two."""
+    """The 48 labelled queries that set conditions in words (near, away from, not); `half` splits them in two."""
     return sample_dir() / "conditions.jsonl"
