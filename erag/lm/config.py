@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from erag.core.errors import ConfigError
 from erag.lm.adapter import Adapter, AdapterConfig
 from erag.lm.blip import Blip, BlipConfig
 from erag.lm.clip import Clip, ClipConfig
@@ -22,6 +23,7 @@ from erag.lm.student import Student, StudentConfig
 from erag.lm.tagger import Tagger, TaggerConfig
 from erag.lm.textroles import TextRoles, TextRolesConfig
 from erag.lm.torchlm import TorchLM, TorchLMConfig
+from erag.lm.understanding import OtherGenerator, Understanding, UnderstandingConfig
 from erag.lm.vlm import Vlm, VlmConfig
 from erag.lm.weights import ModelStore
 
@@ -40,7 +42,7 @@ class TorchLMRoles(TorchLMConfig):
 
 CaptionerConfig = TaggerConfig | StudentConfig | ClipConfig | BlipConfig | VlmConfig | SignsConfig
 ModelConfig = Annotated[
-    SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | AdapterConfig | FakeConfig,
+    SentenceConfig | LlamaCppRoles | TorchLMRoles | CaptionerConfig | AdapterConfig | UnderstandingConfig | FakeConfig,
     Field(discriminator="kind"),
 ]
 _LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]] = {
@@ -73,7 +75,25 @@ class BackendConfig(BaseModel):
 
 def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | None = None) -> LMBackend:
     """The backend of a configuration; nothing is loaded yet. Raises ConfigError for roles that do not fit."""
-    return compose({key: _model(c, store, ledger) for key, c in config.models.items()}, Roles(config.roles))
+    models = {
+        key: _model(c, store, ledger) for key, c in config.models.items() if not isinstance(c, UnderstandingConfig)
+    }
+    students = {key: c for key, c in config.models.items() if isinstance(c, UnderstandingConfig)}
+    taught = {key: Understanding(c, store, ledger, _other(key, c, models)) for key, c in students.items()}
+    return compose({**models, **taught}, Roles(config.roles))
+
+
+def _other(key: str, config: UnderstandingConfig, models: Mapping[str, Model]) -> OtherGenerator | None:
+    """The model that takes the prompts which a student of understanding does not."""
+    if config.otherwise is None:
+        return None
+    able = [name for name, model in models.items() if "generate" in model.roles]
+    if config.otherwise not in able:
+        where = f"models.{key}.otherwise"
+        raise ConfigError(
+            f"no model {config.otherwise!r} that generates", where=where, allowed=", ".join(able) or "none"
+        )
+    return cast(OtherGenerator, models[config.otherwise])
 
 
 def text_engine(

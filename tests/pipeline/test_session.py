@@ -94,7 +94,8 @@ def _forest(alpha: float):  # type: ignore[no-untyped-def]
 def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> None:
     from erag.bench.config import BenchConfig
     from erag.pipeline.config import read_yaml, validate
-    from erag.study.config import DistilConfig
+    from erag.study.kinds import AnyDistil
+    from erag.study.quantconfig import AnyQuantise
 
     assert set(presets()) >= {"tiny"}
     for path in configs_dir().rglob("*.yaml"):
@@ -103,8 +104,8 @@ def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> N
             resolved = load_config(path.stem)
             assert type(resolved).model_validate_json(resolved.model_dump_json()) == resolved
         else:
-            model = DistilConfig if path.parent.name == "distil" else BenchConfig
-            validate(model, read_yaml(path), str(path))
+            models = {"distil": AnyDistil, "quantise": AnyQuantise, "bench": BenchConfig}
+            validate(models[path.parent.name], read_yaml(path), str(path))
 
 
 @pytest.mark.parametrize(
