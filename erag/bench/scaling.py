@@ -25,7 +25,7 @@ from erag.retrieve.config import RetrieveConfig, TreeConfig
 from erag.retrieve.corpus import Corpus, map_texts
 from erag.retrieve.engine import Retriever
 from erag.retrieve.scoring import Batch, Search
-from erag.retrieve.searches import leaf_scorer, scorer_of, search_of
+from erag.retrieve.searches import leaf_scorer, search_of
 from erag.retrieve.tree import Choice, ClusterJudge, TreeSearch
 
 _COLOURS = ("#1f3a5f", "#b0552b", "#2a8a4a", "#8a5fa8", "#777777")
@@ -178,7 +178,7 @@ def _search(corpus: Corpus, config: RetrieveConfig, backend: LMBackend, tally: T
     kind = config.retriever
     if isinstance(kind, TreeConfig):
         return TreeSearch(corpus, kind, leaf_scorer(corpus, kind.scores, backend), tally)
-    return search_of(corpus, config, scorer_of(corpus, config, backend), backend)
+    return search_of(corpus, config, backend)
 
 
 def columns(rows: Sequence[Row]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -234,7 +234,9 @@ def _panel(
         x = [rows[i].nodes for i in own]
         axes.plot(x, [values[i] for i in own], mark, color=colour, markersize=5, linewidth=1.2, label=name)
         if upper is not None:
-            axes.fill_between(x, [values[i] for i in own], [upper[i] for i in own], color=colour, alpha=0.15, linewidth=0)
+            axes.fill_between(
+                x, [values[i] for i in own], [upper[i] for i in own], color=colour, alpha=0.15, linewidth=0
+            )
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda nodes, _: f"{nodes:,.0f}"))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -30,25 +31,8 @@ def bench(
     raw = read_yaml(config)
     for override in overrides or ():
         apply_override(raw, override)
-    match validate(kinds.BenchConfig, raw, str(config)).root:
-        case kinds.AwareBench() as chosen:
-            _aware(chosen)
-        case kinds.RetrievalBench() as chosen:
-            _retrieval(chosen)
-        case kinds.SelectionBench() as chosen:
-            _selection(chosen)
-        case kinds.AnswersBench() as chosen:
-            _answers(chosen)
-        case kinds.ThroughputBench() as chosen:
-            _throughput(chosen)
-        case kinds.BuildBench() as chosen:
-            _building(chosen)
-        case kinds.ClusteringBench() as chosen:
-            _clustering(chosen)
-        case kinds.CaptionsBench() as chosen:
-            _captions(chosen)
-        case kinds.ScalingBench() as chosen:
-            _scaling(chosen)
+    chosen = validate(kinds.BenchConfig, raw, str(config)).root
+    _RUN[chosen.kind](chosen)
 
 
 def _aware(config: kinds.AwareBench) -> None:
@@ -188,3 +172,16 @@ def _captions(config: kinds.CaptionsBench) -> None:
         for case in s.worst:
             show.out(f"{s.captioner}, {case.node}: SS {case.ss:.2f} (generic {case.generic:.2f})")
             show.lines((f"  said:      {case.said}", f"  reference: {case.reference}"))
+
+
+_RUN: Mapping[str, Callable[[Any], None]] = {
+    "aware": _aware,
+    "retrieval": _retrieval,
+    "selection": _selection,
+    "answers": _answers,
+    "throughput": _throughput,
+    "build": _building,
+    "clustering": _clustering,
+    "captions": _captions,
+    "scaling": _scaling,
+}

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from erag.cli import bench, compare, demo, distil, doctor, memory, models, query, records, report, serve, sim
+from erag.cli import bench, compare, demo, distil, doctor, memory, models, quantise, query, records, report, serve, sim
 from erag.cli import run as experiments
 from erag.cli.show import say
 from erag.core.errors import EragError
@@ -19,7 +19,7 @@ app = typer.Typer(
     name="erag", help="Offline Embodied-RAG: a robot's observations become a memory that can be asked.",
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
 )  # fmt: skip
-for module in (memory, query, report, demo, doctor, bench, distil, compare, serve, experiments):
+for module in (memory, query, report, demo, doctor, bench, distil, quantise, compare, serve, experiments):
     module.register(app)
 app.add_typer(models.app, name="models")
 app.add_typer(sim.app, name="sim")

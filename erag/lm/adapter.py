@@ -24,7 +24,7 @@ from erag.lm.weights import ModelStore
 if TYPE_CHECKING:
     import torch
 
-    from erag.lm.adapter_network import AdapterNetwork
+    from erag.lm.adapter_network import AdapterNetwork, Forms
 
 HEADER = "adapter"
 SHIPPED = "selector.safetensors"
@@ -95,11 +95,10 @@ def cards(texts: Sequence[str], embed: Embed) -> dict[str, Text]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Form:
-    """A text with what the network makes of it: (members, rank), and of a card (members,)."""
+    """A text with what the network makes of it: a query's (members, rank), a card's numbers in one row."""
 
     text: Text
     form: torch.Tensor
-    bias: torch.Tensor | None = None
 
 
 class Adapter:
@@ -134,7 +133,8 @@ class Adapter:
 
     def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
         """For each task min(k, n) distinct indices of its cards, best first; equal ones by their text."""
-        logits = self._logits([(task.query, card) for task in tasks for card in task.cards])
+        owners = [number for number, task in enumerate(tasks) for _ in task.cards]
+        logits = self._logits([(task.query, card) for task in tasks for card in task.cards], owners)
         ends = np.cumsum([len(task.cards) for task in tasks])[:-1]
         found = zip(tasks, np.split(logits, ends) if tasks else (), strict=True)
         return [
@@ -147,8 +147,8 @@ class Adapter:
         header, _ = self._load()
         return (0.5 * (1 + np.tanh((header.slope * logits + header.offset) / 2))).astype(np.float32)
 
-    def _logits(self, pairs: Sequence[Pair]) -> Vectors:
-        """(p,) float32, the mean of the members."""
+    def _logits(self, pairs: Sequence[Pair], owners: Sequence[int] | None = None) -> Vectors:
+        """(p,) float32, the mean of the members; `owners` numbers the choice that each card is part of."""
         import torch
 
         if not pairs:
@@ -158,11 +158,11 @@ class Adapter:
         asked, shown = self._prepared(pairs, network)
         both = list(zip(asked, shown, strict=True))
         with torch.inference_mode():
-            found = network.logits(
-                torch.stack([query.form for query in asked]), torch.stack([card.form for card in shown]),
-                torch.stack([card.bias for card in shown if card.bias is not None]),
-                torch.tensor([features(query.text, card.text) for query, card in both]),
-            )  # fmt: skip
+            forms = _unpacked(torch.stack([card.form for card in shown]), network)
+            if owners is not None:
+                forms = forms.together(torch.tensor(owners))
+            seen = torch.tensor([features(query.text, card.text) for query, card in both])
+            found = network.logits(torch.stack([query.form for query in asked]), forms, seen)
             mean: Vectors = found.mean(dim=1).numpy()
         return mean
 
@@ -178,8 +178,7 @@ class Adapter:
                 self._queries[name] = _Form(text, form)
             for name, text in cards(shown, self._embed).items():
                 whole, first = torch.from_numpy(text.whole)[None], torch.from_numpy(text.head)[None]
-                form, bias = network.cards(whole, first)
-                self._cards[name] = _Form(text, form[0], bias[0])
+                self._cards[name] = _Form(text, _packed(network.cards(whole, first)))
         found = [self._queries[query] for query, _ in pairs], [self._cards[card] for _, card in pairs]
         self._queries = _newest(self._queries, self._config.kept)
         self._cards = _newest(self._cards, self._config.kept)
@@ -197,6 +196,21 @@ class Adapter:
                 raise ModelError(what, where=str(self._path), allowed=f"{found} (rules {RULES})", repair=REPAIR)
             self._loaded = header, load_network(self._path, header)
         return self._loaded
+
+
+def _packed(forms: Forms) -> torch.Tensor:
+    """The numbers of one card in a row: form, bias, trust."""
+    import torch
+
+    return torch.cat([forms.form.flatten(), forms.bias.flatten(), forms.trust])
+
+
+def _unpacked(rows: torch.Tensor, network: AdapterNetwork) -> Forms:
+    from erag.lm.adapter_network import Forms
+
+    members = network.base.shape[0]
+    form = rows[:, : -members - 1].view(len(rows), members, -1)
+    return Forms(form, rows[:, -members - 1 : -1], rows[:, -1])
 
 
 def load_network(path: Path, header: AdapterHeader) -> AdapterNetwork:

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from erag.core.text import clean, sentences, words
+from erag.core.text import clean, sentences, word_set, words
 
-RULES = 1  # changes when other heads, parts or features would be made of the same texts
+RULES = 1  # changes when a network would make other numbers of the same texts
 FEATURES = ("cosine", "cosine of the head", "best cosine of a part", "share of the query's words")
 _LONGEST_PART = 12  # words from which on a sentence is cut at its commas
-_COMMON = frozenset(
+_COMMON = word_set(
     "a an and any are at be can could do does find for from go have how i if in is it me my near nearest need of on or "
     "place please show somewhere take that the there this to want wanted was we what where which who with would you "
-    "your like looking".split()
+    "your like looking"
 )
 
 
@@ -26,6 +26,8 @@ class AdapterHeader(BaseModel):
     dim: int = Field(ge=1, le=8192)
     rank: int = Field(ge=1, le=1024)
     members: int = Field(ge=1, le=64)
+    known: int = Field(0, ge=0, description="cards seen in training, whose vectors are kept; 0: all are trusted")
+    trusted_from: float = Field(0.9, ge=0, lt=1)
     embedder: str
     rules: int = RULES
     slope: float = Field(1.0, gt=0, allow_inf_nan=False)

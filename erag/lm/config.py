@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from erag.core.errors import ConfigError
 from erag.lm.adapter import Adapter, AdapterConfig
 from erag.lm.blip import Blip, BlipConfig
 from erag.lm.clip import Clip, ClipConfig
@@ -25,6 +26,7 @@ from erag.lm.student import Student, StudentConfig
 from erag.lm.tagger import Tagger, TaggerConfig
 from erag.lm.textroles import TextRoles, TextRolesConfig
 from erag.lm.torchlm import TorchLM, TorchLMConfig
+from erag.lm.understanding import OtherGenerator, Understanding, UnderstandingConfig
 from erag.lm.vlm import Vlm, VlmConfig
 from erag.lm.weights import ModelStore
 
@@ -48,6 +50,7 @@ ModelConfig = Annotated[
     | TorchLMRoles
     | CaptionerConfig
     | AdapterConfig
+    | UnderstandingConfig
     | OpenAIRoles
     | ReplayConfig
     | FakeConfig,
@@ -90,7 +93,24 @@ def build_backend(config: BackendConfig, store: ModelStore, ledger: Ledger | Non
 
 def build_models(config: BackendConfig, store: ModelStore, ledger: Ledger | None = None) -> dict[str, Model]:
     """The models of a configuration by their keys; nothing is loaded yet."""
-    return {key: _model(c, store, ledger) for key, c in config.models.items()}
+    models = {
+        key: _model(c, store, ledger) for key, c in config.models.items() if not isinstance(c, UnderstandingConfig)
+    }
+    students = {key: c for key, c in config.models.items() if isinstance(c, UnderstandingConfig)}
+    return models | {key: Understanding(c, store, ledger, _other(key, c, models)) for key, c in students.items()}
+
+
+def _other(key: str, config: UnderstandingConfig, models: Mapping[str, Model]) -> OtherGenerator | None:
+    """The model that takes the prompts which a student of understanding does not."""
+    if config.otherwise is None:
+        return None
+    able = [name for name, model in models.items() if "generate" in model.roles]
+    if config.otherwise not in able:
+        where = f"models.{key}.otherwise"
+        raise ConfigError(
+            f"no model {config.otherwise!r} that generates", where=where, allowed=", ".join(able) or "none"
+        )
+    return cast(OtherGenerator, models[config.otherwise])
 
 
 def text_engine(

@@ -101,7 +101,6 @@ class LexicalIndex:
         return self._places.get(token, _NOWHERE)
 
 
-
 _NOWHERE = np.empty(0, np.int64)
 
 

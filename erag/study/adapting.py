@@ -6,10 +6,12 @@ This module imports torch and Lightning; it is itself imported only where an ada
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import lightning
+import numpy as np
 import torch
 import torch.nn.functional as nnf
 
@@ -36,13 +38,13 @@ class Adaptation(lightning.LightningModule):
         """The loss of the decisions numbered by `batch` (b,)."""
         loop.step_seed(self._config.training.seed, self.current_epoch, index)
         rows = self._table.rows(batch)
-        logits = grid_logits(self.network, rows)  # (b, m, members)
+        strange = torch.rand(len(rows)) < self._config.strange
+        logits = grid_logits(self.network, rows, strange)  # (b, m, members)
         there = rows.shown >= 0
         chances = logits.log_softmax(dim=1).masked_fill(~rows.right[:, :, None], -torch.inf)
         choice = -chances.logsumexp(dim=1).mean()
         pairs = _binary(logits[there], rows.right[there].float())
-        strange = _binary(self._strangers(rows), torch.zeros(()))
-        relevance = pairs + strange
+        relevance = pairs + _binary(self._strangers(rows), torch.zeros(()))
         self.log_dict({"choice": choice.detach(), "relevance": relevance.detach()}, on_step=False, on_epoch=True)
         total: torch.Tensor = (1 - self._config.relevance) * choice + self._config.relevance * relevance
         return total
@@ -63,8 +65,8 @@ class Adaptation(lightning.LightningModule):
         seen[:, 0], seen[:, 1] = (query[owner] * whole).sum(1), (query[owner] * heads).sum(1)
         seen[:, 2] = torch.maximum(seen[:, 0], seen[:, 1])  # their parts are not at hand: the nearer of both
         some, again = torch.unique(picked, return_inverse=True)
-        forms, bias = self.network.cards(rows.whole[some], rows.heads[some])
-        return self.network.logits(self.network.queries(query)[owner], forms[again], bias[again], seen)
+        forms = self.network.cards(rows.whole[some], rows.heads[some])
+        return self.network.logits(self.network.queries(query)[owner], forms.rows(again), seen)
 
 
 def _binary(logits: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
@@ -73,15 +75,20 @@ def _binary(logits: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
     return nnf.binary_cross_entropy_with_logits(logits, truth)
 
 
-def grid_logits(network: AdapterNetwork, rows: Table) -> torch.Tensor:
-    """(n, m, members) logits of the cards of n decisions; very low where there is no card."""
+def grid_logits(network: AdapterNetwork, rows: Table, strange: torch.Tensor | None = None) -> torch.Tensor:
+    """(n, m, members) logits of the cards of n decisions; very low where there is no card.
+
+    The cards of the decisions `strange` (n,) bool are taken as if they had never been seen.
+    """
     there = rows.shown >= 0
     some, place = torch.unique(rows.shown[there], return_inverse=True)
-    forms, bias = network.cards(rows.whole[some], rows.heads[some])
+    decision = there.nonzero(as_tuple=True)[0]
+    forms = network.cards(rows.whole[some], rows.heads[some]).rows(place).together(decision)
     asked, owner = torch.unique(rows.asked, return_inverse=True)
     query = network.queries(rows.queries[asked])
-    decision = there.nonzero(as_tuple=True)[0]
-    found = network.logits(query[owner[decision]], forms[place], bias[place], rows.features[there])
+    if strange is not None:
+        forms = replace(forms, trust=forms.trust * (~strange[decision]))
+    found = network.logits(query[owner[decision]], forms, rows.features[there])
     grid = torch.full((*rows.shown.shape, found.shape[1]), _NOWHERE)
     grid[there] = found
     return grid
@@ -92,7 +99,10 @@ def train(
 ) -> AdapterNetwork:
     """The adapter trained on the decisions `some`; goes on from `folder`'s last epoch where there is one."""
     rows = table.rows(torch.tensor(list(some)))
+    seen = torch.from_numpy(np.unique(rows.shown[rows.shown >= 0].numpy()))
+    header = header.model_copy(update={"known": len(seen)})
     module = Adaptation(header, config, rows, loop.steps_of(len(rows), config.training))
+    module.network.get_buffer("known").copy_(table.whole[seen])
     loop.fit(module, len(rows), config.training, folder, progress)
     return module.network.eval().requires_grad_(False)
 

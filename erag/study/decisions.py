@@ -77,7 +77,9 @@ def read_decisions(sources: Sequence[DecisionSource]) -> list[Decision]:
         if len(found.cards) > 1:
             made.setdefault((found.query, found.cards), Counter())[found.chosen] += 1
     if not made:
-        raise InputError("no decision among two cards or more", where=", ".join(str(p) for s in sources for p in s.paths))
+        raise InputError(
+            "no decision among two cards or more", where=", ".join(str(p) for s in sources for p in s.paths)
+        )
     return [Decision(query, cards, votes.most_common(1)[0][0]) for (query, cards), votes in made.items()]
 
 

@@ -1,4 +1,4 @@
-"""The kinds of students, and what trains each."""
+"""The kinds of students and of quantisation studies, and what runs each."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from pydantic import ConfigDict, Field, RootModel
 from erag.core.progress import Progress, quiet
 from erag.lm.weights import ModelStore
 from erag.study.config import DistilConfig
+from erag.study.quantconfig import EncoderStudy, GgufStudy, VectorStudy
 from erag.study.shown import Shown
-from erag.study.textconfig import AdapterDistil
+from erag.study.textconfig import AdapterDistil, UnderstandingDistil
 
-Distil = DistilConfig | AdapterDistil
+Distil = DistilConfig | AdapterDistil | UnderstandingDistil
+Quantise = GgufStudy | VectorStudy | EncoderStudy
 
 
 class AnyDistil(RootModel[Annotated[Distil, Field(discriminator="kind")]]):
@@ -49,3 +51,24 @@ def run(config: Distil, store: ModelStore, progress: Progress = quiet) -> Report
             from erag.study.selector import distil as selector
 
             return selector(config, store, progress)
+        case UnderstandingDistil():
+            from erag.study.understanding import distil as understanding
+
+            return understanding(config, store, progress)
+
+
+def quantise(config: Quantise, store: ModelStore, progress: Progress = quiet) -> Shown:
+    """Run a quantisation study; its table."""
+    match config:
+        case GgufStudy():
+            from erag.study.variants import run as variants
+
+            return variants(config, store, progress).table()
+        case VectorStudy():
+            from erag.study.vectorstudy import run as vectors
+
+            return vectors(config, store, progress).table()
+        case EncoderStudy():
+            from erag.study.encoderstudy import run as encoder
+
+            return encoder(config, store, progress).table()

@@ -22,7 +22,8 @@ class Table:
     """n decisions over q queries and c cards.
 
     `queries` (q, d), `whole` and `heads` (c, d) float32; `asked` (n,) the query of each decision, `shown` (n, m) its
-    cards, -1 where it has fewer, `features` (n, m, f), `right` (n, m) bool: the chosen one, and cards of the same text, which nobody can tell from it.
+    cards, -1 where it has fewer, `features` (n, m, f), `right` (n, m) bool: the chosen one, and cards of the same
+    text, which nobody can tell from it.
     """
 
     queries: torch.Tensor

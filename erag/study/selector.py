@@ -16,7 +16,7 @@ from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
 from erag.evaluate.statistics import Interval, clustered_bootstrap
 from erag.lm.adapter import HEADER, Adapter, AdapterConfig, embedder_of
-from erag.lm.adapter_header import AdapterHeader
+from erag.lm.adapter_header import RULES, AdapterHeader
 from erag.lm.checkpoints import save
 from erag.lm.config import BackendConfig, build_backend
 from erag.lm.offline import go_offline
@@ -24,8 +24,8 @@ from erag.lm.roles import Selector, SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import areas, platt
 from erag.study.decisions import Decision, read_decisions
-from erag.study.shown import Shown
 from erag.study.pairs import Table, folds, table
+from erag.study.shown import Shown
 from erag.study.textcard import selector_card
 from erag.study.textconfig import AdapterDistil
 from erag.study.vectors import KeptVectors
@@ -58,7 +58,9 @@ class Report:
 
     def table(self) -> Shown:
         """The figures for the terminal."""
-        rows = [(name, *(str(self.agreement[split][name]) for split in self.agreement)) for name in self.agreement[SETS]]
+        rows = [
+            (name, *(str(self.agreement[split][name]) for split in self.agreement)) for name in self.agreement[SETS]
+        ]
         return Shown(("selector", *self.agreement), rows)
 
 
@@ -73,8 +75,8 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     embedder = embedder_of(config.embedder, store)
     data = table(decisions, KeptVectors(embedder, config.work / "vectors"))
     header = AdapterHeader(
-        dim=data.queries.shape[1], rank=config.rank, members=config.members, embedder=embedder.identity("embed"),
-        taught_by=config.taught_by,
+        dim=data.queries.shape[1], rank=config.rank, members=config.members, trusted_from=config.trusted_from,
+        embedder=embedder.identity("embed"), taught_by=config.taught_by,
     )  # fmt: skip
     clock.append(time.perf_counter())
     splits = {QUESTIONS: [d.query for d in decisions], SETS: [d.group for d in decisions]}
@@ -83,7 +85,9 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     clock.append(time.perf_counter())
     slope, offset = platt(*_pairs(unseen[QUESTIONS], data))
     network = run.trained("all", range(len(data)))
-    save(config.out, HEADER, header.model_copy(update={"slope": slope, "offset": offset}), network.state_dict())
+    known = len(network.get_buffer("known"))
+    header = header.model_copy(update={"slope": slope, "offset": offset, "known": known})
+    save(config.out, HEADER, header, network.state_dict())
     clock.append(time.perf_counter())
     agreement, area = {}, {}
     compared = {name: _picks(_backend(model, store), decisions) for name, model in config.compare.items()}
@@ -105,9 +109,9 @@ class _Run:
     """Trainings under folders named by everything the weights depend on, so that no run resumes another one."""
 
     def __init__(self, config: AdapterDistil, header: AdapterHeader, data: Table, progress: Progress) -> None:
-        said = config.model_dump_json(include={"rank", "members", "relevance", "negatives", "folds"})
+        said = config.model_dump_json(include={"rank", "members", "relevance", "negatives", "folds", "strange"})
         trained = config.training.model_dump_json(exclude={"wandb", "threads"})
-        key = content_hash(said, trained, header.model_dump_json(), *_digests(data)).hex()[:12]
+        key = content_hash(str(RULES), said, trained, header.model_dump_json(), *_digests(data)).hex()[:12]
         self._config, self._header, self._data, self._progress = config, header, data, progress
         self._folder = config.work / f"run-{key}"
 
@@ -157,7 +161,7 @@ def _figures(
     agreement = {name: clustered_bootstrap(own, groups, samples=config.resamples) for name, own in right.items()}
     owners = np.repeat(np.array(groups), (data.shown >= 0).sum(dim=1).numpy())
     scored = {"cosine": _pairs(cosine, data), STUDENT: _pairs(logits, data)}
-    return agreement, {name: areas(*own, owners, config.resamples) for name, own in scored.items()}
+    return agreement, {name: areas(*own, owners.tolist(), config.resamples) for name, own in scored.items()}
 
 
 def _backend(model: object, store: ModelStore) -> Selector:

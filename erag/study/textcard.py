@@ -11,32 +11,33 @@ from erag.lm.sentence import SentenceConfig
 
 if TYPE_CHECKING:
     from erag.study.selector import Report
-    from erag.study.textconfig import AdapterDistil
+    from erag.study.textconfig import AdapterDistil, UnderstandingDistil
+    from erag.study.understanding import Report as UnderstandingReport
 
 
 def selector_card(config: AdapterDistil, report: Report) -> str:
     """The card of an adapter that selects and scores."""
     return f"""# {config.out.stem}
 
-An `adapter` that plays `select` and `score`: {config.members} low-rank forms (rank {config.rank}) over frozen vectors of
-{embedder_name(config.embedder)}, with cosines and words in common. {report.bytes:,} bytes, 8-bit weights.
+An `adapter` that plays `select` and `score`: {config.members} low-rank forms (rank {config.rank}) over frozen vectors
+of {embedder_name(config.embedder)}, with cosines and words in common. {report.bytes:,} bytes, 8-bit weights.
 
 Made by `erag distil --config configs/distil/{config.kind}.yaml` from {report.decisions:,} distinct decisions with a
-choice: {report.questions} questions, {report.sets} sets of cards, {report.cards} cards ({config.training.epochs} epochs,
-seed {config.training.seed}).
+choice: {report.questions} questions, {report.sets} sets of cards, {report.cards} cards
+({config.training.epochs} epochs, seed {config.training.seed}).
 
 {config.taught_by}
 
 ## Agreement with the teacher
 
-Each decision was judged by an adapter that had seen nothing of its question, or of its set of cards ({config.folds}-fold).
-95 % intervals are over questions, or over sets of cards. Chance is {report.chance:.2f}.
+Each decision was judged by an adapter that had seen nothing of its question, or of its set of cards
+({config.folds}-fold). 95 % intervals are over questions, or over sets of cards. Chance is {report.chance:.2f}.
 
 {_table("selector", report.agreement)}
 
-Unseen questions are asked of sets of cards that were seen in training: the first column says how well the teacher's habits in
-*this* building were learnt. Only the second one says what to expect in another place, and it rests on {report.sets} sets of one
-building, however large the number of decisions.
+Unseen questions are asked of sets of cards that were seen in training: the first column says how well the teacher's
+habits in *this* building were learnt. Only the second one says what to expect in another place, and it rests on
+{report.sets} sets of one building, however large the number of decisions.
 
 ## Area under the ROC curve, every pair of query and card on its own
 
@@ -44,7 +45,8 @@ building, however large the number of decisions.
 
 ## Time
 
-{"; ".join(f"{value:.2f} ms a decision, {name}" for name, value in report.milliseconds.items())} (one at a time, median).
+{"; ".join(f"{value:.2f} ms a decision, {name}" for name, value in report.milliseconds.items())}
+(one at a time, median).
 """
 
 
@@ -63,3 +65,34 @@ def _table(first: str, figures: Mapping[str, Mapping[str, Interval]]) -> str:
 
 def _precise(interval: Interval) -> str:
     return f"{interval.mean:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+
+
+def understanding_card(config: UnderstandingDistil, report: UnderstandingReport) -> str:
+    """The card of a student of query understanding."""
+    columns = list(next(iter(report.figures.values())))
+    rows = [f"| {name} | {' | '.join(_precise(own[c]) for c in columns)} |" for name, own in report.figures.items()]
+    table = "\n".join([f"| named by | {' | '.join(columns)} |", f"|---|{'---|' * len(columns)}", *rows])
+    shown = "\n".join(f"| {wish} | {teacher} | {student} |" for wish, teacher, student in report.examples)
+    return f"""# {config.out.stem}
+
+An `understanding` backend: it names what would satisfy a query out of {report.things} known things, half by an
+adapter ({config.members} forms of rank {config.rank}), half by what its teacher named for similar wishes, over frozen
+vectors of {embedder_name(config.embedder)}. {report.bytes:,} bytes, 8-bit weights.
+
+Made by `erag distil --config configs/distil/understanding.yaml` from what its teacher named for {report.wishes} wishes
+of {report.needs} needs ({report.failed} more left nothing to learn from; {config.training.epochs} epochs, seed
+{config.training.seed}).
+
+{config.taught_by}
+
+## On needs it has not seen ({config.folds}-fold over needs)
+
+{table}
+
+The student names five things at most. 95 % intervals are over needs. The wishes were written for this purpose; that
+a student agrees with its teacher does not say that retrieval gains from it: `docs/students.md` has those figures.
+
+| wish | teacher | student, not having seen the need |
+|---|---|---|
+{shown}
+"""

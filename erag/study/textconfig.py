@@ -47,9 +47,35 @@ class AdapterDistil(_Config):
     members: int = Field(4, ge=1, le=64)
     relevance: float = Field(0.2, ge=0, le=1)
     negatives: int = Field(8, ge=1, le=256)
+    strange: float = Field(0.3, ge=0, lt=1, description="of decisions in training, taken as of cards never seen")
+    trusted_from: float = Field(0.9, ge=0, lt=1, description="cosine to a seen card from which on a card is trusted")
     folds: int = Field(5, ge=2, le=20)
     compare: dict[str, ModelConfig] = {}
     work: Path = Path("experiments/distil/selector")
     out: Path = Path("checkpoints/selector.safetensors")
     training: TextTraining = TextTraining()
     resamples: int = Field(2000, ge=10, description="of the bootstrap over questions, or over sets of cards")
+
+
+class UnderstandingDistil(_Config):
+    """Query understanding without a language model, taught by one that names what would satisfy a wish.
+
+    The wishes are `erag.study.wishes`, each need said in `ways` ways; what the teacher names is kept in `work`, so that
+    it is asked once. Things named for fewer than `fewest` wishes are left out. `folds` of needs are each left out once.
+    """
+
+    kind: Literal["understanding"]
+    teacher: ModelConfig
+    taught_by: str = Field(max_length=500, description="the teacher, and what follows for the use of the weights")
+    ways: int = Field(2, ge=1, le=11)
+    things: int = Field(6, ge=1, le=12)
+    fewest: int = Field(2, ge=1)
+    limit: int | None = Field(None, ge=1, description="the first so many wishes only")
+    embedder: EmbedderConfig = SentenceConfig(dtype="float32")
+    rank: int = Field(64, ge=1, le=1024)
+    members: int = Field(2, ge=1, le=64)
+    folds: int = Field(5, ge=2, le=20)
+    work: Path = Path("experiments/distil/understanding")
+    out: Path = Path("checkpoints/understanding.safetensors")
+    training: TextTraining = TextTraining(epochs=30, batch_size=32)
+    resamples: int = Field(2000, ge=10)

@@ -94,8 +94,10 @@ def _forest(alpha: float):  # type: ignore[no-untyped-def]
 def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> None:
     from erag.bench.config import BenchConfig
     from erag.compare.config import CompareConfig
+    from erag.experiment.config import ExperimentConfig
     from erag.pipeline.config import read_yaml, validate
-    from erag.study.config import DistilConfig
+    from erag.study.kinds import AnyDistil
+    from erag.study.quantconfig import AnyQuantise
 
     assert set(presets()) >= {"tiny"}
     for path in configs_dir().rglob("*.yaml"):
@@ -104,7 +106,10 @@ def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> N
             resolved = load_config(path.stem)
             assert type(resolved).model_validate_json(resolved.model_dump_json()) == resolved
         else:
-            models = {"bench": BenchConfig, "compare": CompareConfig, "distil": DistilConfig}
+            models = {
+                "distil": AnyDistil, "quantise": AnyQuantise, "bench": BenchConfig, "compare": CompareConfig,
+                "paper": ExperimentConfig,
+            }  # fmt: skip
             validate(models[path.parent.name], read_yaml(path), str(path))
 
 

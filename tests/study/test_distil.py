@@ -69,9 +69,9 @@ def taught(worlds: Path, store: ModelStore, tmp_path_factory: pytest.TempPathFac
 def test_it_learns_what_is_drawn(taught: tuple[DistilConfig, Report]) -> None:
     _, report = taught
     held_out = report.figures["held-out worlds"]
-    assert held_out.quality.f1.value > 0.85
-    assert held_out.quality.f1.low <= held_out.quality.f1.value <= held_out.quality.f1.high
-    assert held_out.quality.place.value > 0.95
+    assert held_out.quality.f1.mean > 0.85
+    assert held_out.quality.f1.low <= held_out.quality.f1.mean <= held_out.quality.f1.high
+    assert held_out.quality.place.mean > 0.95
     assert held_out.offset is not None
     assert held_out.offset < 0.15
     assert held_out.colours is not None
@@ -84,10 +84,10 @@ def test_it_learns_what_is_drawn(taught: tuple[DistilConfig, Report]) -> None:
 def test_the_card_and_the_figures_say_what_was_measured(taught: tuple[DistilConfig, Report]) -> None:
     config, report = taught
     card = config.out.with_suffix(".md").read_text()
-    assert str(report.figures["held-out worlds"].quality.f1) in card
+    assert report.figures["held-out worlds"].quality.f1.shown(3) in card
     assert "| crate |" in card
     figures = json.loads((config.work / "figures.json").read_text())
-    assert figures["held-out worlds"]["quality"]["f1"]["value"] == report.figures["held-out worlds"].quality.f1.value
+    assert figures["held-out worlds"]["quality"]["f1"]["mean"] == report.figures["held-out worlds"].quality.f1.mean
 
 
 def test_the_captioner_says_what_is_drawn(taught: tuple[DistilConfig, Report], worlds: Path, store: ModelStore) -> None:
