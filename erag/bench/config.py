@@ -152,7 +152,7 @@ class AwareBench(_Bench):
 
 
 class ScalingBench(_Bench):
-    """What a query costs on generated maps of `sizes` nodes, of which those up to `built_up_to` get a forest by the builder.
+    """What a query costs on generated maps of `sizes` nodes; up to `built_up_to` nodes the builder makes the forest.
 
     `queries` are asked `repeats` times of each of `retrievers`, which are sets of overrides of `pipeline.retrieve`.
     The plot is written to `plot`.

@@ -1,4 +1,4 @@
-"""Generated maps of any size: places on a grid of streets, captions composed so that no two are alike, cheap vectors."""
+"""Generated maps of any size: places on a grid of streets, captions of which no two are alike, cheap vectors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,17 @@ THINGS = (
 MOODS = ("quiet", "busy", "narrow", "wide", "shady", "sunny", "windy", "muddy", "paved", "cobbled", "steep", "empty")
 GROUNDS = (
     *("square", "park", "car park", "alley", "avenue", "crossing", "courtyard", "market", "playground", "schoolyard"),
-    *("riverside", "harbour", "cemetery", "garden", "campus", "station forecourt", "building site", "farmyard", "plaza"),
+    *(
+        "riverside",
+        "harbour",
+        "cemetery",
+        "garden",
+        "campus",
+        "station forecourt",
+        "building site",
+        "farmyard",
+        "plaza",
+    ),
     *("footpath", "lane", "promenade", "lawn", "orchard", "roundabout", "bridge", "terrace", "yard", "meadow", "quay"),
 )
 RELATIONS = ("beside", "behind", "near", "in front of", "next to")

@@ -184,7 +184,7 @@ def _search(corpus: Corpus, config: RetrieveConfig, backend: LMBackend, tally: T
 def columns(rows: Sequence[Row]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """The measurements as a table: names of columns, and cells."""
     names = ("nodes", "retriever", "vectors", "opened", "median ms", "95 % ms", "right", "index s", "peak MB", "forest")
-    cells = [
+    cells: list[tuple[str, ...]] = [
         (
             f"{r.nodes:,}",
             r.retriever,
@@ -234,7 +234,9 @@ def _panel(
         x = [rows[i].nodes for i in own]
         axes.plot(x, [values[i] for i in own], mark, color=colour, markersize=5, linewidth=1.2, label=name)
         if upper is not None:
-            axes.fill_between(x, [values[i] for i in own], [upper[i] for i in own], color=colour, alpha=0.15, linewidth=0)
+            axes.fill_between(
+                x, [values[i] for i in own], [upper[i] for i in own], color=colour, alpha=0.15, linewidth=0
+            )
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda nodes, _: f"{nodes:,.0f}"))

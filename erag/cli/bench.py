@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,25 +31,19 @@ def bench(
     raw = read_yaml(config)
     for override in overrides or ():
         apply_override(raw, override)
-    match validate(kinds.BenchConfig, raw, str(config)).root:
-        case kinds.AwareBench() as chosen:
-            _aware(chosen)
-        case kinds.RetrievalBench() as chosen:
-            _retrieval(chosen)
-        case kinds.SelectionBench() as chosen:
-            _selection(chosen)
-        case kinds.AnswersBench() as chosen:
-            _answers(chosen)
-        case kinds.ThroughputBench() as chosen:
-            _throughput(chosen)
-        case kinds.BuildBench() as chosen:
-            _building(chosen)
-        case kinds.ClusteringBench() as chosen:
-            _clustering(chosen)
-        case kinds.CaptionsBench() as chosen:
-            _captions(chosen)
-        case kinds.ScalingBench() as chosen:
-            _scaling(chosen)
+    chosen = validate(kinds.BenchConfig, raw, str(config)).root
+    shown: Mapping[type, Callable[..., None]] = {
+        kinds.AwareBench: _aware,
+        kinds.RetrievalBench: _retrieval,
+        kinds.SelectionBench: _selection,
+        kinds.AnswersBench: _answers,
+        kinds.ThroughputBench: _throughput,
+        kinds.BuildBench: _building,
+        kinds.ClusteringBench: _clustering,
+        kinds.CaptionsBench: _captions,
+        kinds.ScalingBench: _scaling,
+    }
+    shown[type(chosen)](chosen)
 
 
 def _aware(config: kinds.AwareBench) -> None:
