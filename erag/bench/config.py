@@ -152,11 +152,7 @@ class AwareBench(_Bench):
 
 
 class ScalingBench(_Bench):
-<<<<<<< HEAD
     """What a query costs on generated maps of `sizes` nodes; up to `built_up_to` the builder makes the forest.
-=======
-    """What a query costs on generated maps of `sizes` nodes; up to `built_up_to` nodes the builder makes the forest.
->>>>>>> scale
 
     `queries` are asked `repeats` times of each of `retrievers`, which are sets of overrides of `pipeline.retrieve`.
     The plot is written to `plot`.

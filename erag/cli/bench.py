@@ -32,22 +32,7 @@ def bench(
     for override in overrides or ():
         apply_override(raw, override)
     chosen = validate(kinds.BenchConfig, raw, str(config)).root
-<<<<<<< HEAD
     _RUN[chosen.kind](chosen)
-=======
-    shown: Mapping[type, Callable[..., None]] = {
-        kinds.AwareBench: _aware,
-        kinds.RetrievalBench: _retrieval,
-        kinds.SelectionBench: _selection,
-        kinds.AnswersBench: _answers,
-        kinds.ThroughputBench: _throughput,
-        kinds.BuildBench: _building,
-        kinds.ClusteringBench: _clustering,
-        kinds.CaptionsBench: _captions,
-        kinds.ScalingBench: _scaling,
-    }
-    shown[type(chosen)](chosen)
->>>>>>> scale
 
 
 def _aware(config: kinds.AwareBench) -> None:
