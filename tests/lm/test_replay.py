@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from erag.cli.main import run
 from erag.core.errors import ConfigError, InputError, ModelError
@@ -46,7 +47,7 @@ def model(seed: int = 0) -> LMBackend:
 @pytest.fixture
 def image(tmp_path: Path) -> Path:
     path = tmp_path / "i.png"
-    path.write_bytes(b"pixels")
+    Image.new("RGB", (4, 3), "red").save(path)
     return path
 
 

@@ -337,4 +337,5 @@
   showAll();
   const open = document.querySelector(".question[open]");
   if (open) selectQuestion(+open.dataset.question);
+  draw(); // a page that is printed or read before its first frame is complete
 })();
