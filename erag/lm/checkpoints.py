@@ -9,6 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ValidationError
 
 from erag.core.errors import ModelError
@@ -56,11 +58,23 @@ def read_header(path: Path, kind: str, model: type[Header], repair: str) -> Head
 
 def load_into(path: Path, network: nn.Module, repair: str) -> None:
     """Fill a network with a checkpoint's weights and set it to work. Raises ModelError where they do not fit."""
+    try:
+        network.load_state_dict(_state(path, repair))
+    except (KeyError, RuntimeError) as error:
+        raise ModelError(f"its weights do not fit its header: {error}", where=str(path), repair=repair) from error
+    network.eval().requires_grad_(False)
+
+
+def load_tensors(path: Path, repair: str) -> dict[str, npt.NDArray[np.float32]]:
+    """The float32 tensors of a checkpoint. Raises ModelError for a file that cannot be read."""
+    return {name: tensor.numpy() for name, tensor in _state(path, repair).items()}
+
+
+def _state(path: Path, repair: str) -> dict[str, torch.Tensor]:
     from safetensors import SafetensorError
     from safetensors.torch import load_file
 
     try:
-        network.load_state_dict(restored(load_file(path)))
-    except (SafetensorError, OSError, KeyError, RuntimeError) as error:
-        raise ModelError(f"its weights do not fit its header: {error}", where=str(path), repair=repair) from error
-    network.eval().requires_grad_(False)
+        return restored(load_file(path))
+    except (SafetensorError, OSError, KeyError) as error:
+        raise ModelError(f"its weights cannot be read: {error}", where=str(path), repair=repair) from error

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,19 +15,14 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.core.errors import ModelError, RoleMissing
 from erag.core.types import IntArray
 from erag.lm.adapter import EmbedderConfig, embedder_of
-from erag.lm.adapter_header import RULES, AdapterHeader, stems
-from erag.lm.checkpoints import load_into, read_header, shipped
+from erag.lm.checkpoints import load_tensors, read_header, shipped
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Generation, Generator, Prompt, RoleName, Vectors
 from erag.lm.sentence import SentenceConfig
 from erag.lm.weights import ModelStore
 
-if TYPE_CHECKING:
-    import torch
-
-    from erag.lm.understanding_network import UnderstandingNetwork
-
 HEADER = "understanding"
+RULES = 1  # changes when other things would be named by the same numbers
 SHIPPED = "understanding.safetensors"
 REPAIR = "erag distil --config configs/distil/understanding.yaml"
 ASKED = "things"  # the only property of the schema under which things are named
@@ -48,11 +44,32 @@ class UnderstandingConfig(BaseModel):
     call_size: int = Field(64, ge=1, le=65_536, description="prompts recorded together")
 
 
-class UnderstandingHeader(AdapterHeader):
-    """The header of an adapter, the things it knows, and what was named for each taught wish (rows of `things`)."""
+class UnderstandingHeader(BaseModel):
+    """The things a student knows, the embedder it stands on, and how its parts are weighed."""
 
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    dim: int = Field(ge=1, le=8192)
+    embedder: str
+    rules: int = RULES
+    blend: float = Field(ge=0, allow_inf_nan=False)
+    taught_by: str = Field("", max_length=500)
     things: tuple[str, ...] = Field(min_length=1)
-    named: tuple[tuple[int, ...], ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """What a student knows: unit vectors `things` (t, d), `projection` (d, d) of queries, `prior` (t,) of things."""
+
+    things: Vectors
+    projection: Vectors
+    prior: Vectors
+    blend: float
+
+    def scores(self, queries: Vectors) -> Vectors:
+        """(q, t): cosine of query and thing + `blend` × product of projected query and thing + prior of the thing."""
+        projected = queries @ (np.eye(len(self.projection), dtype=np.float32) + self.blend * self.projection)
+        return np.asarray(projected @ self.things.T + self.prior, np.float32)
 
 
 class OtherGenerator(Generator, Protocol):
@@ -79,7 +96,7 @@ class Understanding:
         self._embedder = embedder_of(config.embedder, store, ledger)
         self._path = config.checkpoint or shipped(SHIPPED)
         self._digest: str | None = None
-        self._loaded: tuple[UnderstandingHeader, UnderstandingNetwork] | None = None
+        self._loaded: tuple[UnderstandingHeader, Names] | None = None
 
     def identity(self, role: RoleName) -> str:
         """The checkpoint's bytes, the embedder's weights, and the other model; ModelError where there is none."""
@@ -116,70 +133,47 @@ class Understanding:
 
     def things(self, queries: Sequence[str], most: Sequence[int]) -> list[tuple[str, ...]]:
         """What would satisfy each query, most fitting first, no two alike, at most `most` of them."""
-        import torch
-
         if not queries:
             return []
-        header, network = self._load()
-        vectors = self._embedder.embed(queries, "query")
-        common = shares(queries, header.things)
-        with torch.inference_mode():
-            chances = network.chances(torch.from_numpy(vectors), torch.from_numpy(common)).numpy()
-        known: Vectors = network.get_buffer("things").numpy()
+        header, names = self._load()
+        scores = names.scores(self._embedder.embed(queries, "query"))
         return [
-            tuple(header.things[row] for row in distinct(own, known, count))
-            for own, count in zip(chances, most, strict=True)
+            tuple(header.things[row] for row in distinct(own, names.things, count))
+            for own, count in zip(scores, most, strict=True)
         ]
 
-    def _load(self) -> tuple[UnderstandingHeader, UnderstandingNetwork]:
+    def _load(self) -> tuple[UnderstandingHeader, Names]:
         if self._loaded is None:
             header = read_header(self._path, HEADER, UnderstandingHeader, REPAIR)
             found = self._embedder.identity("embed")
             if (found, RULES) != (header.embedder, header.rules):
                 what = f"was trained on vectors of {header.embedder} (rules {header.rules})"
                 raise ModelError(what, where=str(self._path), allowed=f"{found} (rules {RULES})", repair=REPAIR)
-            self._loaded = header, load_network(self._path, header)
+            self._loaded = header, load_names(self._path, header)
         return self._loaded
 
 
-def load_network(path: Path, header: UnderstandingHeader) -> UnderstandingNetwork:
-    """The network of a checkpoint, ready. Raises ModelError where its weights do not fit its header."""
-    from erag.lm.understanding_network import UnderstandingNetwork
-
-    network = UnderstandingNetwork(header, len(header.things), len(header.named))
-    load_into(path, network, REPAIR)
-    network.named = taught_chances(header)
-    return network
-
-
-def taught_chances(header: UnderstandingHeader) -> torch.Tensor:
-    """(w, t) float32: what was named for each wish, earlier names counting more, each row with sum 1."""
-    import torch
-
-    rows = torch.zeros(len(header.named), len(header.things))
-    for row, things in zip(rows, header.named, strict=True):
-        if any(not 0 <= thing < len(header.things) for thing in things):
-            raise ModelError("names a thing that it does not know", where="header", repair=REPAIR)
-        for place, thing in enumerate(things):
-            row[thing] += 1 / (1 + place)
-    return rows / rows.sum(dim=1, keepdim=True).clamp_min(1e-9)
+def load_names(path: Path, header: UnderstandingHeader) -> Names:
+    """What a checkpoint knows. Raises ModelError where its tensors do not fit its header."""
+    tensors = load_tensors(path, REPAIR)
+    shapes = {
+        "things": (len(header.things), header.dim), "projection": (header.dim, header.dim),
+        "prior": (len(header.things),),
+    }  # fmt: skip
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    if found != shapes:
+        raise ModelError(
+            f"its tensors do not fit its header: {found}", where=str(path), allowed=str(shapes), repair=REPAIR
+        )
+    things = tensors["things"]
+    unit = things / np.maximum(np.linalg.norm(things, axis=1, keepdims=True), 1e-12)
+    return Names(unit, tensors["projection"], tensors["prior"], header.blend)
 
 
-def shares(queries: Sequence[str], things: Sequence[str]) -> Vectors:
-    """(q, t) float32: the share of a query's words, common ones apart, that stand in a thing."""
-    known = [stems(thing) for thing in things]
-    out = np.zeros((len(queries), len(things)), np.float32)
-    for row, query in zip(out, queries, strict=True):
-        asked = stems(query)
-        if asked:
-            row[:] = [len(asked & thing) / len(asked) for thing in known]
-    return out
-
-
-def distinct(chances: Vectors, vectors: Vectors, most: int) -> IntArray:
-    """Rows by chance (t,), best first, leaving out those alike to a better one (cosine of `vectors` (t, d))."""
+def distinct(scores: Vectors, vectors: Vectors, most: int) -> IntArray:
+    """Rows by score (t,), best first, leaving out those alike to a better one (cosine of `vectors` (t, d))."""
     kept: list[int] = []
-    for row in np.lexsort((np.arange(len(chances)), -chances)):
+    for row in np.lexsort((np.arange(len(scores)), -scores)):
         if len(kept) == most:
             break
         if not kept or (vectors[kept] @ vectors[row]).max() < _ALIKE:

@@ -75,13 +75,12 @@ def understanding_card(config: UnderstandingDistil, report: UnderstandingReport)
     shown = "\n".join(f"| {wish} | {teacher} | {student} |" for wish, teacher, student in report.examples)
     return f"""# {config.out.stem}
 
-An `understanding` backend: it names what would satisfy a query out of {report.things} known things, half by an
-adapter ({config.members} forms of rank {config.rank}), half by what its teacher named for similar wishes, over frozen
-vectors of {embedder_name(config.embedder)}. {report.bytes:,} bytes, 8-bit weights.
+An `understanding` backend: it names what would satisfy a query out of {report.things} known things, by the cosine of
+query and thing, by a linear projection of the query towards what its teacher named for others, and by how often a thing
+was named; over frozen vectors of {embedder_name(config.embedder)}. {report.bytes:,} bytes, 8-bit weights.
 
 Made by `erag distil --config configs/distil/understanding.yaml` from what its teacher named for {report.wishes} wishes
-of {report.needs} needs ({report.failed} more left nothing to learn from; {config.training.epochs} epochs, seed
-{config.training.seed}).
+of {report.needs} needs; {report.failed} more left nothing to learn from.
 
 {config.taught_by}
 

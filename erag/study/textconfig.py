@@ -61,7 +61,10 @@ class UnderstandingDistil(_Config):
     """Query understanding without a language model, taught by one that names what would satisfy a wish.
 
     The wishes are `erag.study.wishes`, each need said in `ways` ways; what the teacher names is kept in `work`, so that
-    it is asked once. Things named for fewer than `fewest` wishes are left out. `folds` of needs are each left out once.
+    it is asked once. Things named for fewer than `fewest` wishes are left out. A query is projected towards what was
+    named for queries like it, by regression with the penalty `ridge`; the projection counts `blend` times as much as
+    the query itself, and `prior` × the logarithm of how often a thing was named is added. `folds` of needs are each
+    left out once.
     """
 
     kind: Literal["understanding"]
@@ -72,10 +75,11 @@ class UnderstandingDistil(_Config):
     fewest: int = Field(2, ge=1)
     limit: int | None = Field(None, ge=1, description="the first so many wishes only")
     embedder: EmbedderConfig = SentenceConfig(dtype="float32")
-    rank: int = Field(64, ge=1, le=1024)
-    members: int = Field(2, ge=1, le=64)
+    ridge: float = Field(3.0, gt=0, allow_inf_nan=False)
+    blend: float = Field(0.6, ge=0, allow_inf_nan=False)
+    prior: float = Field(0.02, ge=0, allow_inf_nan=False)
     folds: int = Field(5, ge=2, le=20)
+    seed: int = 0
     work: Path = Path("experiments/distil/understanding")
     out: Path = Path("checkpoints/understanding.safetensors")
-    training: TextTraining = TextTraining(epochs=30, batch_size=32)
     resamples: int = Field(2000, ge=10)

@@ -15,14 +15,14 @@ import numpy.typing as npt
 
 from erag.core.errors import InputError
 from erag.core.progress import Progress, quiet
-from erag.core.text import clean, content_hash
+from erag.core.text import clean
 from erag.evaluate.statistics import Interval, clustered_bootstrap
 from erag.lm.adapter import Embed, embedder_of
 from erag.lm.checkpoints import save
 from erag.lm.config import BackendConfig, build_backend
 from erag.lm.offline import go_offline
 from erag.lm.roles import Vectors
-from erag.lm.understanding import HEADER, UnderstandingHeader, distinct, shares
+from erag.lm.understanding import HEADER, Names, UnderstandingHeader, distinct
 from erag.lm.weights import ModelStore
 from erag.study.pairs import folds
 from erag.study.shown import Shown
@@ -33,17 +33,20 @@ from erag.study.vectors import KeptVectors
 from erag.study.wishes import wishes
 
 if TYPE_CHECKING:
-    from erag.lm.understanding_network import UnderstandingNetwork
+    import torch
 
-Floats = npt.NDArray[np.float32]
 STUDENT = "this student"
 FOUND, NEAR = "teacher's things named", "cosine to the teacher's answer"
 _NAMED = 5  # things a student names when it is judged
+_UNNAMED = 0.5  # added to how often a thing was named
+_NO_THINGS = frozenset(
+    {"hello", "hello world", "hi", "hi there", "no", "ok", "okay", "sorry", "thanks", "world", "yes"}
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """w wishes with their needs, t things, the rows of the things named for each wish, and vectors of all."""
+    """w wishes with their needs, t things, the rows of the things named for each wish, and unit vectors of all."""
 
     wishes: tuple[str, ...]
     needs: tuple[str, ...]
@@ -51,14 +54,25 @@ class Lessons:
     named: tuple[tuple[int, ...], ...]
     wish_vectors: Vectors
     thing_vectors: Vectors
-    shared: Floats  # (w, t)
 
-    def header(self, config: UnderstandingDistil, embedder: str, rows: Sequence[int]) -> UnderstandingHeader:
-        """The header of a student that has seen the wishes `rows`."""
-        return UnderstandingHeader(
-            dim=self.wish_vectors.shape[1], rank=config.rank, members=config.members, embedder=embedder,
-            taught_by=config.taught_by, things=self.things, named=tuple(self.named[row] for row in rows),
-        )  # fmt: skip
+    def learnt(self, config: UnderstandingDistil, rows: Sequence[int]) -> Names:
+        """What is known after the wishes `rows`, by ridge regression towards the centroids of what was named."""
+        picked = list(rows)
+        queries, shares = self.wish_vectors[picked].astype(np.float64), self._shares(picked)
+        centroids = shares @ self.thing_vectors
+        centroids /= np.maximum(np.linalg.norm(centroids, axis=1, keepdims=True), 1e-12)
+        penalty = config.ridge * np.eye(queries.shape[1])
+        projection = np.linalg.solve(queries.T @ queries + penalty, queries.T @ (centroids - queries))
+        prior = config.prior * np.log(shares.sum(axis=0) + _UNNAMED)
+        return Names(self.thing_vectors, projection.astype(np.float32), prior.astype(np.float32), config.blend)
+
+    def _shares(self, rows: Sequence[int]) -> npt.NDArray[np.float64]:
+        """(w, t) what was named for each wish, earlier names counting more, each row with sum 1."""
+        found = np.zeros((len(rows), len(self.things)))
+        for row, number in zip(found, rows, strict=True):
+            for place, thing in enumerate(self.named[number]):
+                row[thing] += 1 / (1 + place)
+        return found / found.sum(axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -83,31 +97,32 @@ class Report:
 
 
 def distil(config: UnderstandingDistil, store: ModelStore, progress: Progress = quiet) -> Report:
-    """Ask the teacher, train, judge on needs left out, and write the student with its card. Resumable throughout.
+    """Ask the teacher, learn, judge on needs left out, and write the student with its card. Asked once, it resumes.
 
     Raises InputError where the teacher names too little to learn from.
     """
     go_offline()
     clock = [time.perf_counter()]
     teacher = build_backend(BackendConfig(models={"teacher": config.teacher}, roles={"generate": "teacher"}), store)
-    said = wishes(config.ways, config.training.seed)[: config.limit]
+    said = wishes(config.ways, config.seed)[: config.limit]
     rows = taught(teacher, said, config.work / "teacher.jsonl", config.things, progress)
     clock.append(time.perf_counter())
     embedder = embedder_of(config.embedder, store)
     embed = KeptVectors(embedder, config.work / "vectors")
     lessons = read_lessons(rows, config.fewest, embed)
-    run = _Run(config, lessons, embedder.identity("embed"), progress)
-    names = run.left_out()
+    names = _left_out(config, lessons)
     clock.append(time.perf_counter())
-    every = range(len(lessons.wishes))
-    network = run.trained("all", every)
-    state = {name: tensor for name, tensor in network.state_dict().items() if name != "named"}
-    save(config.out, HEADER, lessons.header(config, embedder.identity("embed"), every), state)
+    learnt = lessons.learnt(config, range(len(lessons.wishes)))
+    header = UnderstandingHeader(
+        dim=learnt.things.shape[1], embedder=embedder.identity("embed"), blend=config.blend, things=lessons.things,
+        taught_by=config.taught_by,
+    )  # fmt: skip
+    save(config.out, HEADER, header, _tensors(learnt))
     clock.append(time.perf_counter())
     report = Report(
         config.out, config.out.stat().st_size, len(lessons.wishes), len(set(lessons.needs)), len(lessons.things),
         len(rows) - len(lessons.wishes), _figures(config, lessons, names, embed), _examples(lessons, names[STUDENT]),
-        dict(zip(("teacher", "folds", "train"), np.diff(clock).tolist(), strict=True)),
+        dict(zip(("teacher", "folds", "learn"), np.diff(clock).tolist(), strict=True)),
     )  # fmt: skip
     config.out.with_suffix(".md").write_text(understanding_card(config, report), encoding="utf-8")
     (config.work / "figures.json").write_text(json.dumps(asdict(report), indent=1, default=str), encoding="utf-8")
@@ -116,7 +131,7 @@ def distil(config: UnderstandingDistil, store: ModelStore, progress: Progress = 
 
 def read_lessons(rows: Sequence[Taught], fewest: int, embed: Embed) -> Lessons:
     """Wishes for which things are named that are named often enough. Raises InputError where none is left."""
-    cleaned = [[clean(thing).lower() for thing in row.things] for row in rows]
+    cleaned = [[thing for t in row.things if (thing := clean(t).lower()) not in _NO_THINGS] for row in rows]
     often = Counter(thing for things in cleaned for thing in set(things))
     things = tuple(sorted(thing for thing, count in often.items() if count >= fewest))
     place = {thing: row for row, thing in enumerate(things)}
@@ -127,48 +142,33 @@ def read_lessons(rows: Sequence[Taught], fewest: int, embed: Embed) -> Lessons:
     wished = tuple(rows[i].wish for i in kept)
     return Lessons(
         wished, tuple(str(rows[i].need) for i in kept), things, tuple(named[i] for i in kept), embed(wished),
-        embed(things), shares(wished, things),
+        embed(things),
     )  # fmt: skip
 
 
-class _Run:
-    """Trainings under a folder named by everything the weights depend on."""
+def _left_out(config: UnderstandingDistil, lessons: Lessons) -> dict[str, list[tuple[str, ...]]]:
+    """What each way of naming names for every wish, having seen nothing of its need."""
+    fold = folds(lessons.needs, config.folds, config.seed)
+    names: dict[str, list[tuple[str, ...]]] = {
+        way: [()] * len(lessons.wishes) for way in ("nearest things", "projection alone", STUDENT)
+    }
+    for number in range(config.folds):
+        out = np.flatnonzero(fold == number)
+        learnt = lessons.learnt(config, np.flatnonzero(fold != number).tolist())
+        queries = lessons.wish_vectors[out]
+        scores = (queries @ learnt.things.T, queries @ learnt.projection @ learnt.things.T, learnt.scores(queries))
+        for way, own in zip(names, scores, strict=True):
+            for row, score in zip(out, own, strict=True):
+                best = distinct(score, lessons.thing_vectors, _NAMED)
+                names[way][row] = tuple(lessons.things[i] for i in best)
+    return names
 
-    def __init__(self, config: UnderstandingDistil, lessons: Lessons, embedder: str, progress: Progress) -> None:
-        trained = config.training.model_dump_json(exclude={"wandb", "threads"})
-        header = lessons.header(config, embedder, range(len(lessons.wishes))).model_dump_json()
-        sums = [repr(float(v.sum(dtype=np.float64))) for v in (lessons.wish_vectors, lessons.thing_vectors)]
-        key = content_hash(trained, header, str(config.folds), *lessons.wishes, *sums).hex()[:12]
-        self._config, self._lessons, self._embedder, self._progress = config, lessons, embedder, progress
-        self._folder = config.work / f"run-{key}"
 
-    def trained(self, name: str, rows: Sequence[int]) -> UnderstandingNetwork:
-        from erag.study.naming import train
+def _tensors(learnt: Names) -> dict[str, torch.Tensor]:
+    import torch
 
-        def told(stage: str, done: int, total: int) -> None:
-            self._progress(f"{name}: {stage}", done, total)
-
-        header = self._lessons.header(self._config, self._embedder, rows)
-        return train(header, self._config, self._lessons, rows, self._folder / name, told)
-
-    def left_out(self) -> dict[str, list[tuple[str, ...]]]:
-        """What each way of naming names for every wish, having seen nothing of its need."""
-        from erag.study.naming import ways
-
-        lessons = self._lessons
-        fold = folds(lessons.needs, self._config.folds, self._config.training.seed)
-        names: dict[str, list[tuple[str, ...]]] = {}
-        for number in range(self._config.folds):
-            out = np.flatnonzero(fold == number)
-            if not len(out):
-                continue
-            network = self.trained(f"fold-{number}", np.flatnonzero(fold != number).tolist())
-            for way, chances in ways(network, lessons, out.tolist()).items():
-                own = names.setdefault(way, [()] * len(lessons.wishes))
-                for row, chance in zip(out, chances, strict=True):
-                    best = distinct(chance, lessons.thing_vectors, _NAMED)
-                    own[row] = tuple(lessons.things[i] for i in best)
-        return names
+    known = {"things": learnt.things, "projection": learnt.projection, "prior": learnt.prior}
+    return {name: torch.from_numpy(values) for name, values in known.items()}
 
 
 def _figures(
