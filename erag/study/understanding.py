@@ -72,7 +72,8 @@ class Lessons:
         for row, number in zip(found, rows, strict=True):
             for place, thing in enumerate(self.named[number]):
                 row[thing] += 1 / (1 + place)
-        return found / found.sum(axis=1, keepdims=True)
+        total: npt.NDArray[np.float64] = found.sum(axis=1, keepdims=True)
+        return np.asarray(found / total, np.float64)
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ def _left_out(config: UnderstandingDistil, lessons: Lessons) -> dict[str, list[t
         queries = lessons.wish_vectors[out]
         scores = (queries @ learnt.things.T, queries @ learnt.projection @ learnt.things.T, learnt.scores(queries))
         for way, own in zip(names, scores, strict=True):
-            for row, score in zip(out, own, strict=True):
+            for row, score in zip(out.tolist(), np.asarray(own), strict=True):
                 best = distinct(score, lessons.thing_vectors, _NAMED)
                 names[way][row] = tuple(lessons.things[i] for i in best)
     return names
