@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from erag.core.errors import ModelError
 from erag.lm.adapter_header import RULES, AdapterHeader, head, parts, stems
-from erag.lm.checkpoints import load_into, read_header, shipped
+from erag.lm.checkpoints import check_embedder, load_into, read_header, shipped
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
 from erag.lm.roles import RoleName, SelectTask, Vectors
@@ -190,10 +189,7 @@ class Adapter:
     def _load(self) -> tuple[AdapterHeader, AdapterNetwork]:
         if self._loaded is None:
             header = read_header(self._path, HEADER, AdapterHeader, REPAIR)
-            found = self._embedder.identity("embed")
-            if (found, RULES) != (header.embedder, header.rules):
-                what = f"was trained on vectors of {header.embedder} (rules {header.rules})"
-                raise ModelError(what, where=str(self._path), allowed=f"{found} (rules {RULES})", repair=REPAIR)
+            check_embedder(self._path, header, self._embedder, RULES, REPAIR)
             self._loaded = header, load_network(self._path, header)
         return self._loaded
 

@@ -7,20 +7,38 @@ import os
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ValidationError
 
 from erag.core.errors import ModelError
-from erag.lm.student_checkpoint import MAX_BYTES, quantised, restored
+from erag.lm.roles import RoleName
 
 if TYPE_CHECKING:
     import torch
     from torch import nn
 
+MAX_BYTES = 64 * 1024 * 1024
+_LEVELS = 127
 Header = TypeVar("Header", bound=BaseModel)
+
+
+class Grounded(Protocol):
+    """A header of what was trained on an embedder's vectors, by rules of a version."""
+
+    @property
+    def embedder(self) -> str: ...
+
+    @property
+    def rules(self) -> int: ...
+
+
+class Identified(Protocol):
+    """What says which model it is."""
+
+    def identity(self, role: RoleName) -> str: ...
 
 
 def shipped(name: str) -> Path:
@@ -28,6 +46,37 @@ def shipped(name: str) -> Path:
     package = Path(str(files("erag")))
     checkout = package.parent / "checkpoints" / name
     return checkout if checkout.is_file() else package / "_checkpoints" / name
+
+
+def quantised(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """A state dict with its matrices as int8 (`NAME.int8`) and a scale an output (`NAME.scale`, float32).
+
+    What has one dimension, and the normalisation of the features, stays float32.
+    """
+    import torch
+
+    small: dict[str, torch.Tensor] = {}
+    for name, tensor in state.items():
+        if tensor.ndim < 2 or name.endswith("_scale"):
+            small[name] = tensor.float().contiguous()
+            continue
+        rows = tensor.float().flatten(1)
+        scale = (rows.abs().amax(dim=1) / _LEVELS).clamp_min(1e-12)
+        small[f"{name}.int8"] = (
+            (tensor.float() / scale.view(-1, *[1] * (tensor.ndim - 1))).round().to(torch.int8).contiguous()
+        )
+        small[f"{name}.scale"] = scale
+    return small
+
+
+def restored(small: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """The float32 state dict of a `quantised` one."""
+    state = {name: tensor for name, tensor in small.items() if not name.endswith((".int8", ".scale"))}
+    for name, tensor in small.items():
+        if name.endswith(".int8"):
+            scale = small[f"{name.removesuffix('.int8')}.scale"]
+            state[name.removesuffix(".int8")] = tensor.float() * scale.view(-1, *[1] * (tensor.ndim - 1))
+    return state
 
 
 def save(path: Path, kind: str, header: BaseModel, state: Mapping[str, torch.Tensor]) -> None:
@@ -40,8 +89,11 @@ def save(path: Path, kind: str, header: BaseModel, state: Mapping[str, torch.Ten
     fresh.replace(path)
 
 
-def read_header(path: Path, kind: str, model: type[Header], repair: str) -> Header:
-    """The header of a checkpoint. Raises ModelError for a file that is missing, too large, or of another kind."""
+def read_header(path: Path, kind: str, model: type[Header], repair: str, called: str = "") -> Header:
+    """The header of a checkpoint. Raises ModelError for a file that is missing, too large, or of another kind.
+
+    `called` is what such a file is to a user, else a checkpoint of its kind.
+    """
     from safetensors import SafetensorError, safe_open
 
     if not path.is_file():
@@ -53,14 +105,23 @@ def read_header(path: Path, kind: str, model: type[Header], repair: str) -> Head
             found = file.metadata() or {}
         return model.model_validate(json.loads(found.get(kind, "null")))
     except (SafetensorError, OSError, ValidationError, ValueError) as error:
-        raise ModelError(f"is no checkpoint of kind {kind}: {error}", where=str(path), repair=repair) from error
+        what = f"is no {called or f'checkpoint of kind {kind}'}: {error}"
+        raise ModelError(what, where=str(path), repair=repair) from error
+
+
+def check_embedder(path: Path, header: Grounded, embedder: Identified, rules: int, repair: str) -> None:
+    """Raise ModelError where a checkpoint was trained on another embedder's vectors, or by other rules."""
+    found = embedder.identity("embed")
+    if (found, rules) != (header.embedder, header.rules):
+        what = f"was trained on vectors of {header.embedder} (rules {header.rules})"
+        raise ModelError(what, where=str(path), allowed=f"{found} (rules {rules})", repair=repair)
 
 
 def load_into(path: Path, network: nn.Module, repair: str) -> None:
     """Fill a network with a checkpoint's weights and set it to work. Raises ModelError where they do not fit."""
     try:
         network.load_state_dict(_state(path, repair))
-    except (KeyError, RuntimeError) as error:
+    except RuntimeError as error:
         raise ModelError(f"its weights do not fit its header: {error}", where=str(path), repair=repair) from error
     network.eval().requires_grad_(False)
 
@@ -76,5 +137,7 @@ def _state(path: Path, repair: str) -> dict[str, torch.Tensor]:
 
     try:
         return restored(load_file(path))
-    except (SafetensorError, OSError, KeyError) as error:
+    except (SafetensorError, OSError) as error:
         raise ModelError(f"its weights cannot be read: {error}", where=str(path), repair=repair) from error
+    except KeyError as error:
+        raise ModelError(f"its weights do not fit its header: {error}", where=str(path), repair=repair) from error

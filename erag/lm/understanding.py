@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.core.errors import ModelError, RoleMissing
 from erag.core.types import IntArray
 from erag.lm.adapter import EmbedderConfig, embedder_of
-from erag.lm.checkpoints import load_tensors, read_header, shipped
+from erag.lm.checkpoints import check_embedder, load_tensors, read_header, shipped
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Generation, Generator, Prompt, RoleName, Vectors
 from erag.lm.sentence import SentenceConfig
@@ -145,10 +145,7 @@ class Understanding:
     def _load(self) -> tuple[UnderstandingHeader, Names]:
         if self._loaded is None:
             header = read_header(self._path, HEADER, UnderstandingHeader, REPAIR)
-            found = self._embedder.identity("embed")
-            if (found, RULES) != (header.embedder, header.rules):
-                what = f"was trained on vectors of {header.embedder} (rules {header.rules})"
-                raise ModelError(what, where=str(self._path), allowed=f"{found} (rules {RULES})", repair=REPAIR)
+            check_embedder(self._path, header, self._embedder, RULES, REPAIR)
             self._loaded = header, load_names(self._path, header)
         return self._loaded
 

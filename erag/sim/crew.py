@@ -22,15 +22,14 @@ def run_apart(work: Callable[..., None], jobs: Sequence[tuple[Any, ...]], at_onc
     Jobs are begun in their order. Raises InputError when a process ends before its work is done, after the others that
     were begun have ended.
     """
-    with ThreadPoolExecutor(at_once) as threads:
+    threads = ThreadPoolExecutor(at_once)
+    try:
         waiting = {threads.submit(_apart, work, job): number for number, job in enumerate(jobs)}
-        try:
-            for done in as_completed(waiting):
-                done.result()
-                yield waiting[done]
-        except BaseException:
-            threads.shutdown(cancel_futures=True)
-            raise
+        for done in as_completed(waiting):
+            done.result()
+            yield waiting[done]
+    finally:
+        threads.shutdown(cancel_futures=True)
 
 
 def _apart(work: Callable[..., None], job: tuple[Any, ...]) -> None:

@@ -15,10 +15,11 @@ pytest.importorskip("lightning", reason="needs erag[train]")
 from safetensors.torch import load_file
 
 from erag.core.errors import ConfigError, InputError, ModelError
+from erag.lm.checkpoints import quantised, restored
 from erag.lm.config import BackendConfig
 from erag.lm.fake import FakeConfig
 from erag.lm.student import Student, StudentConfig
-from erag.lm.student_checkpoint import quantised, read_words, restored
+from erag.lm.student_checkpoint import read_words
 from erag.lm.weights import ModelStore
 from erag.study.config import DistilConfig, TrainingConfig
 from erag.study.distil import Report, distil
