@@ -21,8 +21,8 @@ import yaml
 
 import erag.retrieve
 from erag.core.errors import EragError
-from erag.core.text import content_hash
 from erag.lm.config import build_backend
+from erag.lm.journal import Journal
 from erag.lm.roles import LMBackend
 from erag.lm.weights import default_store
 from erag.memory.file import MemoryFile
@@ -59,9 +59,16 @@ def main() -> None:
     parser.add_argument("--evaluate", default=None, help="another split to judge the weights on")
     parser.add_argument("--write", action="store_true")
     args = parser.parse_args()
+    args.memories.mkdir(parents=True, exist_ok=True)
+    with MemoryFile.writing(args.memories / "calls.erag", "fit_relevance", create=True) as calls:  # what was generated
+        _study(args, calls)
+
+
+def _study(args: argparse.Namespace, calls: MemoryFile) -> None:
     config = load_config(args.preset)
     backend = build_backend(config.backend, default_store())
-    expander = Expander(_Kept(backend, args.memories), config.retrieve.expand) if config.retrieve.expand else None
+    expand = config.retrieve.expand
+    expander = Expander(Journal(backend, calls.calls), expand) if expand else None
     asked = [a for folder in args.worlds for a in _asked(folder, args.split, args.memories, backend, expander)]
     print(f"{len(asked)} queries of {len({a.world for a in asked})} worlds ({args.split})")
     held = _held_out(asked)
@@ -81,35 +88,6 @@ def main() -> None:
         _write(
             "named" if expander else "plain", model, f"{len(asked)} queries of {len({a.world for a in asked})} worlds"
         )
-
-
-class _Kept:
-    """A backend whose generated texts are kept in a file, since they are slow and always the same."""
-
-    def __init__(self, backend: LMBackend, folder: Path) -> None:
-        self._backend, self._path = backend, folder / "generated.jsonl"
-        folder.mkdir(parents=True, exist_ok=True)
-        lines = self._path.read_text("utf-8").splitlines() if self._path.is_file() else []
-        self._known = dict(json.loads(line) for line in lines)
-
-    def embed(self, texts: Any, kind: Any) -> Any:
-        return self._backend.embed(texts, kind)
-
-    def generate(self, prompts: Any) -> list[Any]:
-        identity, answers = self._backend.identity("generate"), []
-        for prompt in prompts:
-            key = content_hash(identity, repr(prompt)).hex()
-            if key not in self._known:
-                self._known[key] = self._backend.generate([prompt])[0].text
-                with self._path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps([key, self._known[key]]) + "\n")
-            answers.append(_Text(self._known[key]))
-        return answers
-
-
-@dataclass(frozen=True)
-class _Text:
-    text: str
 
 
 def _asked(folder: Path, split: str, memories: Path, backend: LMBackend, expander: Expander | None) -> list[Asked]:

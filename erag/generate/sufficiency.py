@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from erag.core.text import word_set, words
+from erag.core.text import word_set
 from erag.lm.roles import Vectors
-from erag.retrieve.bm25 import singular
 from erag.retrieve.corpus import Corpus
+from erag.retrieve.lexical import tokens
 
 WORDS_WEIGHT = 0.3
 # What a request says besides what it is about.
@@ -53,17 +53,8 @@ class Sufficiency:
         return max(nodes, spoken, 0.0) + WORDS_WEIGHT * self._covered(text, rows)
 
     def _covered(self, text: str, rows: npt.NDArray[np.int64]) -> float:
-        asked = {word for word in map(singular, words(text)) if word not in self._unasked}
-        if not asked:
-            return 0.0
-        n, frequency = len(self._words), {w: sum(w in said for said in self._words) for w in asked}
-        weight = {w: float(np.log1p((n - f + 0.5) / (f + 0.5))) for w, f in frequency.items()}
-        best = max(sum(weight[w] for w in asked & self._words[row]) for row in rows)
-        return best / max(sum(weight.values()), 1e-9)
-
-    @cached_property
-    def _words(self) -> list[frozenset[str]]:
-        return [frozenset(map(singular, words(text))) for text in self._corpus.texts]
+        asked = sorted({token for token in tokens(text) if token not in self._unasked})
+        return float(self._corpus.index.shares(asked)[rows].max()) if asked else 0.0
 
     @cached_property
     def _unasked(self) -> frozenset[str]:

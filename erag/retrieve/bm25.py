@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from erag.core.text import words
 from erag.retrieve.config import Bm25Config
 from erag.retrieve.corpus import Corpus
+from erag.retrieve.lexical import singular
 from erag.retrieve.scoring import NOT_FOUND, Batch, Scores
-
-
-@lru_cache(maxsize=1 << 16)
-def singular(word: str) -> str:
-    """An English plural without its ending: Harman's S stemmer (1991), and `benches`, `boxes`, `grasses` whole."""
-    if len(word) < 4 or not word.endswith("s") or word[-2] in "us":
-        return word
-    if word.endswith("ies") and word[-4] not in "ae":
-        return word[:-3] + "y"
-    if word.endswith(("sses", "xes", "zes", "ches", "shes")):
-        return word[:-2]
-    return word[:-1]
 
 
 class Bm25Scorer:

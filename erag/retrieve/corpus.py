@@ -12,6 +12,7 @@ import numpy.typing as npt
 from erag.core.text import node_text, sentences
 from erag.core.types import Forest, IntArray, TopoMap
 from erag.lm.roles import Vectors
+from erag.retrieve.lexical import LexicalIndex
 
 
 def map_texts(topomap: TopoMap) -> tuple[str, ...]:
@@ -47,6 +48,11 @@ class Corpus:
     def searchable(self) -> npt.NDArray[np.bool_]:
         """(n,) bool: nodes that have a text and so can be a hit of a query with text."""
         return np.array([bool(t) for t in self.texts], np.bool_)
+
+    @cached_property
+    def index(self) -> LexicalIndex:
+        """Where each word stands in the texts."""
+        return LexicalIndex(self.texts)
 
     @cached_property
     def visible(self) -> npt.NDArray[np.bool_]:

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from erag.core.text import word_set, words
 from erag.core.types import IntArray
-from erag.retrieve.bm25 import singular
 
 Floats = npt.NDArray[np.float64]
 K1, B = 1.5, 0.75  # of BM25
@@ -21,6 +20,18 @@ _ASKING = word_set("""
     find where take show me nearest closest place somewhere anywhere want would like look looking go get need have can
     could should may please there here bring guide way see spot robot around close nearby thing something
 """)
+
+
+@lru_cache(maxsize=1 << 16)
+def singular(word: str) -> str:
+    """An English plural without its ending: Harman's S stemmer (1991), and `benches`, `boxes`, `grasses` whole."""
+    if len(word) < 4 or not word.endswith("s") or word[-2] in "us":
+        return word
+    if word.endswith("ies") and word[-4] not in "ae":
+        return word[:-3] + "y"
+    if word.endswith(("sses", "xes", "zes", "ches", "shes")):
+        return word[:-2]
+    return word[:-1]
 
 
 def tokens(text: str) -> list[str]:
@@ -61,6 +72,14 @@ class LexicalIndex:
         for distance, token in enumerate(phrase[1:], 1):
             at = at[_among(at + distance, self._at(token))]
         return _distinct(self._row_at[at])
+
+    def shares(self, asked: Sequence[str]) -> Floats:
+        """(n,) the share of distinct words that each text has, weighted by how rare they are on this map."""
+        rarity = {token: self._rarity(token) for token in asked}
+        total, out = max(sum(rarity.values()), 1e-9), np.zeros(self.count)
+        for token, weight in rarity.items():
+            out[self.rows(token)] += weight
+        return out / total
 
     def matches(self, text: str) -> Floats:
         """(n, 3): BM25 and the weighted share of the words of a request that a text has, and of its neighbouring pairs.

@@ -67,7 +67,7 @@ class EvidenceTable:
     """Collects the evidence of queries over one corpus."""
 
     def __init__(self, corpus: Corpus, lexicon: Lexicon | None) -> None:
-        self.index = LexicalIndex(corpus.texts)
+        self.index = corpus.index
         self.searchable = corpus.searchable
         self._captions, self._sentences = NodeScorer(corpus), SentenceScorer(corpus)
         self.uses = Uses(lexicon, self.index) if lexicon is not None else None

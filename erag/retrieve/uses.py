@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
@@ -75,10 +75,16 @@ class KnownEmbedder(Embedder, Protocol):
 
 def shipped_lexicon(embedder: KnownEmbedder) -> Lexicon:
     """The shipped lexicon, with the vectors that are shipped for MiniLM; another embedder makes its own (some 10 s)."""
-    uses = read_uses()
+    uses = _shipped()
     texts = lexicon_texts(uses)
     stored = _stored(made_of(texts, embedder.identity("embed")))
     return Lexicon.of(uses, embedder.embed(texts, "document") if stored is None else stored)
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> Mapping[str, Use]:
+    """Read once a process, however many memories are opened."""
+    return read_uses()
 
 
 def made_of(texts: Sequence[str], identity: str) -> str:
@@ -86,6 +92,7 @@ def made_of(texts: Sequence[str], identity: str) -> str:
     return content_hash(identity, *texts).hex()
 
 
+@lru_cache(maxsize=1)
 def _stored(key: str) -> Vectors | None:
     path = Path(str(files("erag.retrieve").joinpath(VECTORS)))
     if not path.is_file():

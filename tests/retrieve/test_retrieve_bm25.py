@@ -15,10 +15,11 @@ from erag.core.text import words
 from erag.core.types import Observation, Pose, Query
 from erag.data.contract import read_queries
 from erag.data.registry import read
-from erag.retrieve.bm25 import Bm25Scorer, singular
+from erag.retrieve.bm25 import Bm25Scorer
 from erag.retrieve.config import Bm25Config, RetrieveConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.engine import Retriever
+from erag.retrieve.lexical import singular
 from erag.retrieve.scoring import NOT_FOUND, Batch
 
 
