@@ -55,7 +55,9 @@ class _Mix(nn.Module):
         self.back = nn.Conv2d(2 * width, width, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return cast(torch.Tensor, x + self.back(nnf.gelu(self.wide(self.norm(self.near(x))))))
+        with torch.autocast("cpu", enabled=False):  # in bfloat16 the gradient takes three times as long
+            near = self.near(x.float())
+        return cast(torch.Tensor, x + self.back(nnf.gelu(self.wide(self.norm(near)))))
 
 
 class StudentNetwork(nn.Module):
