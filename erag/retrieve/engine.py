@@ -11,13 +11,11 @@ from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import spatial_similarity
 from erag.core.types import Frame, Hit, IntArray, Query, Range
 from erag.lm.roles import LMBackend, Vectors
-from erag.retrieve.config import (
-    Bm25Config,
-    RetrieveConfig,
-)
+from erag.retrieve.config import Bm25Config, RetrieveConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.expand import Expander
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
+from erag.retrieve.relevance import RelevanceScorer
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
 from erag.retrieve.searches import asks_models, conditions_of, gives_probabilities, scorer_of, search_of
@@ -87,6 +85,7 @@ class Retriever:
         self._search = search or search_of(corpus, config, backend, judge, scorer)
         self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand) if backend and config.expand else None
+        self._apart = isinstance(scorer, RelevanceScorer)  # it reads what is named thing by thing, others as one text
         self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None
         self._distances = router or StraightLines(corpus.topomap)
         self._times, self._sensors = Times.of(corpus.topomap), Sensors(corpus.topomap, sensors or {})
@@ -141,7 +140,7 @@ class Retriever:
         if self._conditions is not None:
             batch, told = self._conditions.read(batch, [query.kind != "explain" for query in queries])
         if self._expander is not None:
-            batch, things = self._expander.expanded(batch)
+            batch, things = self._expander.expanded(batch, apart=self._apart)
         found = self._search.search(batch, np.stack([self.eligible(query) for query in queries]))
         if self._rescorer is not None:
             found = self._rescorer.rescored(whole, found, max(query.top for query in queries))

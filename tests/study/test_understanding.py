@@ -11,11 +11,18 @@ pytest.importorskip("safetensors", reason="needs erag[sentence]")
 
 from erag.core.errors import BadModelOutput, ConfigError, InputError, ModelError, RoleMissing
 from erag.core.text import words
+from erag.core.types import Query
+from erag.data.sample import sample_dir
 from erag.lm.config import BackendConfig, build_backend
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.roles import Generation, Prompt
 from erag.lm.understanding import Understanding, UnderstandingConfig, distinct
 from erag.lm.weights import ModelStore
+from erag.memory.file import MemoryFile
+from erag.pipeline.build import build
+from erag.pipeline.config import PipelineConfig
+from erag.pipeline.ingest import ingest
+from erag.pipeline.query import Asker
 from erag.retrieve.config import ExpandConfig
 from erag.retrieve.expand import Expander
 from erag.study import understanding as study
@@ -111,6 +118,23 @@ def test_other_prompts_go_to_the_other_model(done: tuple[UnderstandingDistil, Re
     models["u"]["otherwise"] = "nobody"
     with pytest.raises(ConfigError, match="no model 'nobody'"):
         build_backend(BackendConfig.model_validate({"models": models, "roles": {"generate": "u"}}), store)
+
+
+def test_a_memory_is_asked_with_a_student_alone(
+    done: tuple[UnderstandingDistil, Report], store: ModelStore, tmp_path: Path
+) -> None:
+    student = {"kind": "understanding", "checkpoint": done[0].out, "embedder": {"kind": "fake", "dim": 96}}
+    raw = {
+        "backend": {"models": {"f": {"kind": "fake"}, "u": student}, "roles": {"embed": "f", "generate": "u"}},
+        "retrieve": {"retriever": {"kind": "node"}, "expand": {"things": 2}}, "answer": {"explain": "quotes"},
+    }  # fmt: skip
+    config, path = PipelineConfig.model_validate(raw), tmp_path / "m.erag"
+    ingest(sample_dir(), path)
+    with MemoryFile.writing(path, "test") as memory:
+        build(memory, config, store)
+    result = Asker(path, config, store).ask(Query("Where could I get a hat?"))
+    assert "also looked for: shop, market" in result.notes or "also looked for: market, shop" in result.notes
+    assert result.calls["generate"] == 1
 
 
 def test_a_killed_study_asks_only_for_what_is_missing(
