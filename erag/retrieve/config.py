@@ -167,7 +167,8 @@ class RetrieveConfig(_Config):
     score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
     score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
     distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view,
-    near or far; only where the scores are those of a `relevance` retriever.
+    near or far; only where the scores are those of a `relevance` retriever. Nodes within `same_place` metres of each
+    other are one hit, that of the best of them; None: every node is a hit of its own.
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)
@@ -177,4 +178,5 @@ class RetrieveConfig(_Config):
     alpha_rank: Share = 0.1
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3
+    same_place: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     pool: Annotated[int, Field(ge=1)] = 50

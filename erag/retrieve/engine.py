@@ -17,6 +17,7 @@ from erag.retrieve.config import (
 )
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.expand import Expander
+from erag.retrieve.places import best_views
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
@@ -41,7 +42,10 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class _Ranked:
-    """Hits in final order: rows (r,), scores (r,), parts (r,) or None, and whether metres are along edges (r,)."""
+    """Hits in final order: rows (r,), scores (r,), parts (r,) or None, and whether metres are along edges (r,).
+
+    `merged`: how many better views than the last hit are left out, being further views of places that are hits.
+    """
 
     rows: IntArray
     score: Floats
@@ -49,6 +53,7 @@ class _Ranked:
     spatial: Floats | None
     sensor: Floats | None
     on_edges: Mask | None
+    merged: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,10 +194,18 @@ class Retriever:
         if query.sensors:
             sensor = self._sensor_scores(query)[rows]
             score = blend(score, sensor, self._config.sensor_weight)
-        order = best_first(score, nearness, rows)[: query.top]
+        order, merged = self._kept(rows, best_first(score, nearness, rows), query.top)
         semantic, spatial, sensor = (None if part is None else part[order] for part in (semantic, spatial, sensor))
         on_edges = None if on_edges is None else on_edges[order]
-        return _Ranked(rows[order], score[order], semantic, spatial, sensor, on_edges)
+        return _Ranked(rows[order], score[order], semantic, spatial, sensor, on_edges, merged)
+
+    def _kept(self, rows: IntArray, order: IntArray, top: int) -> tuple[IntArray, int]:
+        """The first `top` of an order (r,), with `same_place` one a place, and how many are left out between them."""
+        apart = self._config.same_place
+        if apart is None or not len(order):
+            return order[:top], 0
+        kept = best_views(self._corpus.topomap, rows[order], apart, top)
+        return order[kept], int(kept[-1]) + 1 - len(kept)
 
     def _sensor_scores(self, query: Query) -> Floats:
         where = _name(query)
@@ -259,4 +272,6 @@ def _hit_notes(query: Query, ranked: _Ranked) -> list[str]:
     unread = 0 if ranked.sensor is None else int(np.isnan(ranked.sensor).sum())
     if unread:
         notes.append(f"{unread} of {shown} hits have no reading of {', '.join(sorted(query.sensors))}")
+    if ranked.merged:
+        notes.append(f"{ranked.merged} more views of the same places are left out")
     return notes

@@ -197,6 +197,45 @@ def test_hours_of_the_day_leave_out_what_was_seen_at_others() -> None:
     assert nodes_of(found) == ["dawn"]
 
 
+def test_views_of_one_place_are_one_hit_with_the_best_of_them() -> None:
+    texts = {
+        "pond": (0.0, "pond bench"),
+        "bench": (0.8, "bench"),
+        "river": (1.6, "river bench"),
+        "far": (9.0, "bench hill"),
+    }
+    corpus = corpus_of([place(name, *said) for name, said in texts.items()])
+    every = ask(corpus, Query("bench", top=3), retriever=NodeConfig())
+    assert nodes_of(every)[0] == "bench"
+    assert len(every.hits) == 3
+    assert every.notes == ()
+    found = ask(corpus, Query("bench", top=3), retriever=NodeConfig(), same_place=1.0)
+    assert nodes_of(found) == ["bench", "far"]
+    found = ask(corpus, Query("bench", top=2), retriever=NodeConfig(), same_place=0.5)
+    assert nodes_of(found) == nodes_of(every)[:2]
+    assert found.notes == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.sampled_from(RETRIEVERS), st.floats(0, 60))
+def test_no_two_hits_stand_at_one_place_and_what_is_left_out_is_counted(
+    seed: int, retriever: object, metres: float
+) -> None:
+    corpus, (queries, vectors) = random_corpus(seed), random_queries(seed, top=6)
+    everything = [replace(query, top=60) for query in queries]
+    plain = Retriever(corpus, RetrieveConfig(retriever=retriever)).retrieve(everything, vectors)  # type: ignore[arg-type]
+    config = RetrieveConfig(retriever=retriever, same_place=metres)  # type: ignore[arg-type]
+    for all_, found in zip(plain, Retriever(corpus, config).retrieve(queries, vectors), strict=True):
+        at = corpus.topomap.positions[[corpus.topomap.row[name] for name in nodes_of(found)]]
+        apart = [math.dist(a, b) for i, a in enumerate(at) for b in at[:i]]
+        assert all(one > metres for one in apart)
+        assert nodes_of(found)[:1] == nodes_of(all_)[:1]
+        told = [note for note in found.notes if "more views" in note]
+        if found.hits:
+            skipped = nodes_of(all_).index(nodes_of(found)[-1]) + 1 - len(found.hits)
+            assert told == ([f"{skipped} more views of the same places are left out"] if skipped else [])
+
+
 def test_hits_that_an_answer_rests_on_come_first() -> None:
     corpus = corpus_of([place(n, 0.0, text) for n, text in (("a", "bench"), ("b", "bench pond"), ("c", "pond"))])
     retriever = Retriever(corpus, RetrieveConfig(retriever=NodeConfig()))
