@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+# What a user may prefer, as the weight of location: the best anywhere, or the nearest that will do.
+PREFERENCES = {"near": 0.5, "best": 0.0}
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
