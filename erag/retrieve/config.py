@@ -163,14 +163,23 @@ class ExpandConfig(_Config):
     things: Annotated[int, Field(ge=1, le=12)] = 5
 
 
+class PlacesConfig(_Config):
+    """Nodes within `metres` are views of one place, of which the best comes first.
+
+    A further view comes before another place only where `further` of its score is more; 0: only where no other is left.
+    """
+
+    metres: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
+    further: Share = 0.7
+
+
 class RetrieveConfig(_Config):
     """A retriever, and the re-ranking of its best `pool` hits by location and sensors (paper, phase 2).
 
     score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
     score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
     distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view,
-    near or far; only where the scores are those of a `relevance` retriever. Nodes within `same_place` metres of each
-    other are one hit, that of the best of them; None: every node is a hit of its own.
+    near or far; only where the scores are those of a `relevance` retriever. With `places` hits are spread over places.
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)
@@ -180,5 +189,5 @@ class RetrieveConfig(_Config):
     alpha_rank: Share = 0.1
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3
-    same_place: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    places: PlacesConfig | None = None
     pool: Annotated[int, Field(ge=1)] = 50

@@ -1,4 +1,4 @@
-"""Views of one place: of the hits that stand together the best is kept."""
+"""Views of one place: other places come before a further view of one that is a hit already."""
 
 from __future__ import annotations
 
@@ -6,18 +6,23 @@ import numpy as np
 
 from erag.core.geometry import distance
 from erag.core.types import IntArray, TopoMap
+from erag.retrieve.config import PlacesConfig
+from erag.retrieve.rank import Floats
+from erag.retrieve.scoring import best_first
 
 
-def best_views(topomap: TopoMap, rows: IntArray, metres: float, top: int) -> IntArray:
-    """Where in the nodes `rows` (r,), best first, the best views of the first `top` places stand, (k,) ascending.
+def spread(topomap: TopoMap, rows: IntArray, scores: Floats, top: int, config: PlacesConfig) -> IntArray:
+    """Which `top` of the nodes `rows` (r,), best first with `scores` (r,), are hits: where they stand, ascending.
 
-    A node within `metres` of a better view that was kept is another view of its place, whatever its heading or time.
+    A node within `metres` of a better one that is the best view of its place is a further view of that place, whatever
+    its heading or time; in this choice it counts `further` of its score.
     """
-    at = topomap.positions[rows]
-    kept: list[int] = []
+    at, best, more = topomap.positions[rows], list[int](), list[int]()
     for i in range(len(rows)):
-        if len(kept) == top:
+        if len(best) == top:  # what follows scores less, and further views of these no more
             break
-        if not (distance(topomap.frame, at[i], at[kept]) <= metres).any():
-            kept.append(i)
-    return np.array(kept, np.int64)
+        again = (distance(topomap.frame, at[i], at[best]) <= config.metres).any()
+        (more if again else best).append(i)
+    found = np.array([*best, *more], np.int64)
+    counts = np.repeat([1.0, config.further], [len(best), len(more)])
+    return np.sort(found[best_first(scores[found] * counts, -counts, found)[:top]])
