@@ -37,6 +37,7 @@ def run(
     """Run an experiment; killed at any moment, the same command goes on, and nothing is asked twice."""
     from erag.core.errors import ConfigError
     from erag.experiment.join import join as joined
+    from erag.experiment.reading import read_experiment
 
     if config is None:
         if not join:
@@ -44,19 +45,9 @@ def run(
         show.out(str(joined(EXPERIMENTS)))
         return
     folder = out or EXPERIMENTS / config.stem
-    _run(_read(config, overrides or []), folder, tables_only, again or [], wandb)
+    _run(read_experiment(config, overrides or []), folder, tables_only, again or [], wandb)
     if folder.parent == EXPERIMENTS:
         joined(EXPERIMENTS)
-
-
-def _read(config: Path, overrides: list[str]) -> ExperimentConfig:
-    from erag.experiment.config import ExperimentConfig
-    from erag.pipeline.config import apply_override, read_yaml, validate
-
-    raw = read_yaml(config)
-    for override in overrides:
-        apply_override(raw, override)
-    return validate(ExperimentConfig, raw, str(config))
 
 
 def _run(config: ExperimentConfig, folder: Path, tables_only: bool, again: list[str], wandb: bool) -> None:
@@ -70,5 +61,7 @@ def _run(config: ExperimentConfig, folder: Path, tables_only: bool, again: list[
         from erag.experiment.tracking import track
 
         show.say(f"wandb: {track(experiment.config, experiment.folder)}")
-    show.say(f"{experiment.asked_now:,} questions asked now")
+    show.say(
+        f"{experiment.asked_now:,} questions asked now, {experiment.taken_over:,} answers of other runs taken over"
+    )
     show.out(str(experiment.folder.page))

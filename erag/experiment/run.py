@@ -20,22 +20,22 @@ from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
 from erag.evaluate.scene import Scene
 from erag.evaluate.text import SemanticSimilarity
 from erag.experiment.agreement import AgreementRow, Tried, TriedPair, agreement_rows, joined, stackable, tried
+from erag.experiment.answered import Answered
 from erag.experiment.config import ExperimentConfig, Mode, SystemConfig, model_name
 from erag.experiment.judging import Voted, texts, voted
 from erag.experiment.machine import machine
-from erag.experiment.memories import Made, memory
+from erag.experiment.memories import Memory
 from erag.experiment.panel import Bench, bench
 from erag.experiment.predictions import Appender, Prediction, read_predictions, write_records
 from erag.experiment.questions import Posed, chosen, modes_of, posed, record_of
 from erag.experiment.report import Folder, write_report
 from erag.experiment.sources import Source, environments, prepared
-from erag.experiment.sweep import swept
-from erag.experiment.systems import Asked, Loaded, pipeline_of
+from erag.experiment.sweep import resolved
+from erag.experiment.systems import Asked, Loaded, models_of, pipeline_of
 from erag.lm.config import BackendConfig, build_backend
 from erag.lm.sentence import SentenceConfig
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
-from erag.pipeline.query import Asker
 from erag.retrieve.config import RetrieveConfig
 from erag.topomap.build import build_map
 
@@ -53,10 +53,10 @@ class Experiment:
     """A configuration, its run folder `out`, and what is loaded on the way."""
 
     def __init__(self, config: ExperimentConfig, out: Path, store: ModelStore, progress: Progress = quiet) -> None:
-        self.config = swept(config) if config.sweep is not None else config
+        self.config = resolved(config)
         self.folder, self._store, self._progress = Folder(out), store, progress
-        self._loaded, self._made = Loaded(store), dict[tuple[str, str, str], Made]()
-        self.asked_now = 0
+        self._loaded, self._memories = Loaded(store, progress), dict[str, Memory]()
+        self.asked_now = self.taken_over = 0
 
     def run(self, again: Sequence[str] = ()) -> None:
         """Everything. `again` names systems whose answers are asked anew.
@@ -90,17 +90,15 @@ class Experiment:
                 source = prepared(data, given, environment, self.config.work, self._store, self._progress)
                 reading = read(source.folder)
                 topomap, _ = build_map(reading.frame, reading.observations, reading.edges, PipelineConfig().map)
-                scene = Scene.of(environment, topomap)
+                truths = environment.truths.over(topomap.row, listed=self.config.panel.reads == "lists")
+                scene = Scene.of(replace(environment, truths=truths), topomap)
                 yield Ground(source, scene, tuple(posed(data, self.config, scene)))
             self._progress(f"{data}: maps", len(found), len(found))
 
-    def _memory(self, ground: Ground, config: PipelineConfig) -> Made:
+    def _memory(self, ground: Ground, config: PipelineConfig) -> Memory:
         given = self.config.data[ground.source.data].forest == "given"
-        key = (ground.source.digest, config.model_dump_json(exclude={"retrieve", "answer"}), str(given))
-        if key not in self._made:
-            work, store = self.config.work, self._store
-            self._made[key] = memory(ground.source, config, given, work, store, self._progress)
-        return self._made[key]
+        memory = Memory.of(ground.source, config, given, self.config.work, self._store)
+        return self._memories.setdefault(memory.key, memory)
 
     def _answers(self, grounds: Sequence[Ground], again: Sequence[str]) -> list[Prediction]:
         """Ask what was not asked yet; answers of another configuration go to the work folder."""
@@ -121,22 +119,29 @@ class Experiment:
                 due.append((asked, question, mode))
         self._set_aside(known.values(), kept)
         totals, done = Counter(asked.name for asked, _, _ in due), Counter[str]()
-        with Appender(self.folder.predictions) as file:
+        with Appender(self.folder.predictions) as file, Answered(self.config.work / "answers.jsonl") as answered:
             for i, (asked, question, mode) in enumerate(due):
-                file.add(self._predicted(asked, question, mode))
+                file.add(self._predicted(asked, question, mode, answered, anew=asked.name in again))
                 done[asked.name] += 1
-                self.asked_now += 1
                 self._progress(asked.name, done[asked.name], totals[asked.name])
                 if i + 1 == len(due) or due[i + 1][0] is not asked:
                     asked.release()
         return read_predictions(self.folder.predictions)
 
-    def _predicted(self, asked: Asked, question: Posed, mode: Mode) -> Prediction:
+    def _predicted(self, asked: Asked, question: Posed, mode: Mode, answered: Answered, anew: bool) -> Prediction:
+        """The answer that another experiment of the work folder has, else a new one."""
         line = question.line(mode)
         if line is None:
             raise ValueError(f"{question.key} cannot be asked as {mode}")
         first = mode == modes_of(question, self.config.sets)[0]
-        return asked.predict(question, mode, line, first)
+        known = None if anew else answered.get(asked.fingerprint(line), first)
+        if known is not None:
+            self.taken_over += 1
+            return asked.adopted(known, question, mode, line, first)
+        self.asked_now += 1
+        prediction = asked.predict(question, mode, line, first)
+        answered.add(prediction)
+        return prediction
 
     def _due(self, grounds: Sequence[Ground]) -> Iterator[tuple[Asked, Posed, Mode]]:
         """Every system, environment, question and mode, in this order."""
@@ -146,8 +151,8 @@ class Experiment:
             for ground in grounds:
                 questions = [q for q in ground.questions if q.key in wanted]
                 if questions:
-                    made = self._memory(ground, pipeline_of(system))
-                    asked = Asked(name, system, made, ground.scene, self._loaded, self.config.top)
+                    memory = self._memory(ground, pipeline_of(system))
+                    asked = Asked(name, system, memory, ground.scene, self._loaded, self.config.top)
                     yield from ((asked, q, m) for q in questions for m in self._modes(q, system))
 
     def _modes(self, question: Posed, system: SystemConfig) -> list[Mode]:
@@ -173,7 +178,7 @@ class Experiment:
             write_records(self.folder.agreement, rows)
             votes = list(self._votes(grounds, predictions, seated, stack))
         write_records(self.folder.votes, votes)
-        measure = SemanticSimilarity(similarity, embedder, retrieves=similarity in self._retrieving())
+        measure = SemanticSimilarity(similarity, embedder, retrieves=similarity in self._used())
         every = {q.key: q for g in grounds for q in g.questions}
         write_records(self.folder.texts, texts(predictions, every, measure))
 
@@ -227,33 +232,28 @@ class Experiment:
         pipeline = pipeline_of(system)
         ranking = RetrieveConfig.model_validate({"retriever": {"kind": config.ranking}})
         pipeline = pipeline.model_copy(update={"retrieve": ranking})
-        asker = Asker(self._memory(ground, pipeline).path, pipeline, self._store, self._loaded.models(pipeline))
+        asker = self._loaded.asker(self._memory(ground, pipeline), pipeline)
         return tried(asker, ground.scene, questions, seated, config, self.config.seed)
 
-    def _retrieving(self) -> set[str]:
+    def _used(self) -> set[str]:
         """The names of the models the systems use."""
-        return {name for system in self.config.systems.values() for name in _models_of(system)}
+        return {name for system in self.config.systems.values() for name in models_of(system)}
 
     def _write_facts(self, grounds: Sequence[Ground]) -> None:
         judges = [j.model for j in self.config.panel.judges.values() if j.model is not None]
-        models = self._retrieving() | {self.config.similarity} | {model_name(m) for m in judges}
-        used = {n: sorted(_models_of(s)) for n, s in self.config.systems.items()}
+        models = self._used() | {self.config.similarity} | {model_name(m) for m in judges}
+        used = {n: sorted(models_of(s)) for n, s in self.config.systems.items()}
         facts: dict[str, Any] = {
             **machine(models, self._store), "seed": self.config.seed, "systems": used,
-            "retrieving": sorted(self._retrieving()),
+            "retrieving": sorted(self._used()),
             "data": {g.source.environment.name: {"data": g.source.data, "digest": g.source.digest,
                                                  "nodes": len(g.scene.topomap), "questions": len(g.questions),
                                                  "radius_m": round(g.scene.radius_m, 2)} for g in grounds},
-            "memories": {m.path.name: {k: round(v, 3) for k, v in m.cost.items()} for m in self._made.values()},
+            "memories": {m.path.name: {k: round(v, 3) for k, v in m.cost.items()} for m in self._memories.values()},
         }  # fmt: skip
         with replacing(self.folder.facts) as file:
             json.dump(facts, file, indent=1, ensure_ascii=False)
             file.write("\n")
-
-
-def _models_of(system: SystemConfig) -> set[str]:
-    backend = pipeline_of(system).backend
-    return {model_name(backend.models[key]) for key in backend.roles.values()}
 
 
 def _taken(holder: str) -> InputError:

@@ -14,7 +14,7 @@ from erag.evaluate.scene import Scene
 from erag.experiment.config import DataConfig, ExperimentConfig, SystemConfig
 from erag.experiment.questions import Posed, chosen, modes_of, posed, record_of
 from erag.experiment.sources import environments, prepared
-from erag.experiment.sweep import swept
+from erag.experiment.sweep import resolved
 from erag.experiment.systems import pipeline_of
 from erag.lm.weights import default_store
 from erag.pipeline.config import PipelineConfig, configs_dir, read_yaml, validate
@@ -116,7 +116,7 @@ def test_environments_that_are_not_there_are_named() -> None:
 
 @pytest.mark.parametrize("path", sorted((configs_dir() / "paper").glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_shipped_experiment_can_be_read(path: Path) -> None:
-    made = swept(validate(ExperimentConfig, read_yaml(path), str(path)))
+    made = resolved(validate(ExperimentConfig, read_yaml(path), str(path)))
     assert path.read_text().startswith(f"# erag run --config configs/paper/{path.name}\n")
     for system in made.systems.values():
         pipeline_of(system)
@@ -138,4 +138,4 @@ def test_configurations_that_cannot_be_are_refused(tmp_path: Path) -> None:
             config(tmp_path, **changes)
     sweep = {"axes": {"k": {"path": "retrieve.retriever.branches", "values": [1]}}, "grid": [["k", "x"]]}
     with pytest.raises(ConfigError, match="no axis 'x'"):
-        swept(config(tmp_path, sweep=sweep))
+        resolved(config(tmp_path, sweep=sweep))
