@@ -30,6 +30,9 @@ def run(
         bool, typer.Option("--tables-only", help="only tables and pictures, from the answers that are there")
     ] = False,
     again: Annotated[list[str] | None, typer.Option(metavar="SYSTEM", help="ask this system anew")] = None,
+    estimate: Annotated[
+        bool, typer.Option("--estimate", help="only say what is still to be done, and how long that takes")
+    ] = False,
     wandb: Annotated[bool, typer.Option("--wandb", help="log to Weights & Biases, offline")] = False,
     join: Annotated[bool, typer.Option("--join", help="only the page that joins all runs")] = False,
     overrides: Overrides = None,
@@ -45,9 +48,28 @@ def run(
         show.out(str(joined(EXPERIMENTS)))
         return
     folder = out or EXPERIMENTS / config.stem
-    _run(read_experiment(config, overrides or []), folder, tables_only, again or [], wandb)
+    made = read_experiment(config, overrides or [])
+    if estimate:
+        _estimate(made, folder)
+        return
+    _run(made, folder, tables_only, again or [], wandb)
     if folder.parent == EXPERIMENTS:
         joined(EXPERIMENTS)
+
+
+def _estimate(config: ExperimentConfig, folder: Path) -> None:
+    from erag.experiment.run import Experiment
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        found = Experiment(config, folder, default_store(), progress).estimate()
+    rows = [
+        (one.what, f"{one.count:,}", "unknown" if one.seconds is None else f"{one.seconds / 60:.1f}") for one in found
+    ]
+    known = sum(one.seconds for one in found if one.seconds is not None)
+    show.table(
+        ("what", "how many", "minutes"), [*rows, ("all that is known", "", f"{known / 60:.1f}")], right=("how many",)
+    )
 
 
 def _run(config: ExperimentConfig, folder: Path, tables_only: bool, again: list[str], wandb: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from erag.evaluate.baselines.naive import NaiveConfig
+from erag.evaluate.navigation.planner import FollowerConfig
 from erag.lm.config import ModelConfig, WriterConfig
 
 Mode = Literal["Q", "Q,L", "Q,S", "Q,L,S", "L", "L,S"]
@@ -206,12 +207,23 @@ class SweepConfig(_Config):
     grid: tuple[tuple[str, str], ...] = ()
 
 
+class TripsConfig(_Config):
+    """A simulated robot that drives from L to the first answer: its `planner`, and what it meets.
+
+    `blocked` is the share of edges that are blocked without the map's knowing, `success_m` how near is there.
+    """
+
+    planner: FollowerConfig = FollowerConfig()
+    blocked: Annotated[float, Field(ge=0, le=1)] = 0.02
+    success_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 3.0
+
+
 class ExperimentConfig(_Config):
     """An experiment. `work` keeps what can be made again: sources, memories, recorded calls of judges.
 
     `overrides` hold for every system, before its own. `intervals`: over `queries`, or over whole `environments`, which
     are what is independent. `similarity` names the embedder of SS, which retrieved nothing where it is not that of the
-    systems. `top` answers a question are kept.
+    systems. `top` answers a question are kept. With `trips` a robot drives to the first answer of questions with L.
     """
 
     title: str
@@ -225,6 +237,7 @@ class ExperimentConfig(_Config):
     systems: dict[str, SystemConfig] = {}
     sweep: SweepConfig | None = None
     panel: PanelConfig = PanelConfig()
+    trips: TripsConfig | None = None
     tables: tuple[TableConfig, ...] = ()
     capabilities: bool = False
     pictures: bool = True

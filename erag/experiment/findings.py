@@ -172,7 +172,7 @@ def order_sheet(made: Table, choices: Choices) -> list[Sheet]:
 
 def _named(name: str, choices: Choices) -> str:
     stands = choices.counterparts.get(name)
-    return name if stands is None or stands in name else f"{name} (its {stands})"
+    return name if stands is None or stands in name else f"{name} (for {stands})"
 
 
 def _order(values: Mapping[str, float]) -> str:

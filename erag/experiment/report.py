@@ -15,6 +15,7 @@ from erag.experiment.canvas import Picture
 from erag.experiment.capabilities import capabilities
 from erag.experiment.config import ExperimentConfig, TableConfig
 from erag.experiment.costs import costs
+from erag.experiment.driving import Driven
 from erag.experiment.figures import draw
 from erag.experiment.findings import findings, findings_sheet, order_sheet, told, told_of_parts
 from erag.experiment.judging import TextScored, Voted
@@ -59,6 +60,10 @@ class Folder:
         return self.path / "texts.jsonl"
 
     @property
+    def trips(self) -> Path:
+        return self.path / "trips.jsonl"
+
+    @property
     def agreement(self) -> Path:
         return self.path / "agreement.jsonl"
 
@@ -91,6 +96,7 @@ class Material:
     questions: Sequence[QuestionRecord]
     votes: Sequence[Voted]
     texts: Sequence[TextScored]
+    trips: Sequence[Driven]
     agreement: Sequence[AgreementRow]
     facts: dict[str, Any]
 
@@ -101,6 +107,7 @@ class Material:
             read_records(folder.questions, QuestionRecord),
             read_records(folder.votes, Voted),
             read_records(folder.texts, TextScored),
+            read_records(folder.trips, Driven),
             read_records(folder.agreement, AgreementRow),
             json.loads(folder.facts.read_text(encoding="utf-8")) if folder.facts.is_file() else {},
         )
@@ -110,7 +117,7 @@ def write_report(config: ExperimentConfig, folder: Folder) -> None:
     """Write the page, a CSV file a table, `metrics.json` and the pictures."""
     material = Material.of(folder)
     by = stacked if config.panel.probability == "stack" else mean_vote()
-    scores = scored(material.predictions, material.questions, material.votes, material.texts, by)
+    scores = scored(material.predictions, material.questions, material.votes, material.texts, by, material.trips)
     choices = choices_of(config, scores)
     wanted = [(t, data, table(t, data, scores, choices)) for t in config.tables for data in _data(t, config)]
     wanted = [one for one in wanted if one[2].rows]

@@ -111,6 +111,11 @@ class Asked:
         self._asker: Asker | None = None
         self._naive: NaiveRag | None = None
 
+    @property
+    def size(self) -> int:
+        """Nodes of the environment."""
+        return len(self._scene.topomap)
+
     def fingerprint(self, line: QueryLine) -> str:
         """Of all that determines the prediction for a line."""
         return content_hash(self._answering, digest_of(line)).hex()[:16]
