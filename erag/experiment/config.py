@@ -123,14 +123,15 @@ JudgeKind = Literal["labels", "words", "embedding", "relevance", "model"]
 class JudgeConfig(_Config):
     """A judge: object `labels`, `words`, an `embedding`, our model of `relevance`, or a language `model`.
 
-    `each`: it is shown every listed object on its own, and the best one counts. `expanded`: it is asked, too, by what
-    would satisfy the question: the stated `targets`, or what the panel's expander names from the question alone
-    (`model`). How a model judges is the `scorer` of its `text` section: Yes or No, or by likelihood.
+    `each`: it is shown every listed object on its own, as it looks (`objects`) or by its class alone (`classes`), and
+    the best one counts. `expanded`: it is asked, too, by what would satisfy the question: the stated `targets`, or what
+    the panel's expander names from the question alone (`model`). How a model judges is the `scorer` of its `text`
+    section: Yes or No, or by likelihood.
     """
 
     kind: JudgeKind
     model: WriterConfig | None = None
-    each: bool = False
+    each: Literal["objects", "classes"] | None = None
     expanded: Literal["targets", "model"] | None = None
 
     @model_validator(mode="after")

@@ -60,7 +60,7 @@ class Bench:
         self, name: str, config: JudgeConfig, environment: Environment, expansions: Mapping[str, Sequence[str]]
     ) -> Judge:
         judge, models = self._plain(name, config, environment), self.config.models(name, self.embedder_name)
-        judge = EachJudge(judge) if config.each else judge
+        judge = EachJudge(judge, looks=config.each == "objects") if config.each is not None else judge
         if config.expanded is None:
             return _Named(judge, name, models)
         kinds = self.config.expand_kinds

@@ -10,13 +10,16 @@ from erag.pipeline.config import apply_override, read_yaml, validate
 
 
 def read_experiment(path: Path, overrides: Sequence[str] = ()) -> ExperimentConfig:
-    """The experiment of a file, with `path=value` overrides; `panel: FILE` names a panel beside it.
+    """The experiment of a file, with `path=value` overrides.
 
-    Raises ConfigError for anything that is no experiment.
+    `panel: {from: FILE, …}` takes over the panel of a file, named from this one's folder; the other keys replace what
+    it says. Raises ConfigError for anything that is no experiment.
     """
     raw = read_yaml(path)
-    if isinstance(raw.get("panel"), str):
-        raw["panel"] = read_yaml(path.parent / raw["panel"])
+    panel = raw.get("panel")
+    if isinstance(panel, dict) and "from" in panel:
+        shared = read_yaml(path.parent / str(panel.pop("from")))
+        raw["panel"] = shared | panel
     for override in overrides:
         apply_override(raw, override)
     return validate(ExperimentConfig, raw, str(path))

@@ -45,6 +45,9 @@ from erag.retrieve.config import RetrieveConfig
 from erag.topomap.build import build_map
 
 
+EMBEDDED = SystemConfig(overrides=("backend.roles={embed: minilm}", "answer.explain=quotes"))  # no summaries
+
+
 class Experiment:
     """A configuration, its run folder `out`, and what is loaded on the way."""
 
@@ -203,8 +206,8 @@ class Experiment:
         questions = [q for q in ground.questions if q.key in wanted]
         if not questions:
             return None
-        system = next(iter(self.config.systems.values()), SystemConfig())
-        pipeline = pipeline_of(system)
+        systems = sorted(self.config.systems.values(), key=lambda system: not system.ours)  # else in their order
+        pipeline = pipeline_of(systems[0] if systems else EMBEDDED)
         ranking = RetrieveConfig.model_validate({"retriever": {"kind": config.ranking}})
         pipeline = pipeline.model_copy(update={"retrieve": ranking})
         asker = self._loaded.asker(self._memory(ground, pipeline), pipeline)

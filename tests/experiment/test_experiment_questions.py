@@ -126,10 +126,12 @@ def test_every_shipped_experiment_can_be_read(path: Path) -> None:
 
 
 def test_a_shared_panel_is_a_file_and_can_be_overridden(tmp_path: Path) -> None:
-    (tmp_path / "panel.yaml").write_text("{judges: {words: {kind: words}}, reads: lists}")
-    (tmp_path / "run.yaml").write_text("{title: T, panel: panel.yaml, data: {d: {dataset: sample}}, sets: {s: {}}}")
+    (tmp_path / "panel.yaml").write_text("{judges: {words: {kind: words}}, reads: lists, fit: true}")
+    panel = "{from: panel.yaml, fit: false}"
+    rest = "data: {d: {dataset: sample}}, sets: {s: {}}"
+    (tmp_path / "run.yaml").write_text(f"{{title: T, panel: {panel}, {rest}}}")
     made = read_experiment(tmp_path / "run.yaml", ["panel.reads=all"])
-    assert (list(made.panel.judges), made.panel.reads) == (["words"], "all")
+    assert (list(made.panel.judges), made.panel.reads, made.panel.fit) == (["words"], "all", False)
 
 
 def test_what_holds_for_every_system_is_written_into_each(tmp_path: Path) -> None:

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from erag.evaluate.judges.protocol import Floats, Judge
-from erag.evaluate.truth import NodeTruth, Pair
+from erag.evaluate.truth import NodeTruth, Pair, SeenObject
 
 
 @dataclass(frozen=True)
 class EachJudge:
     """P = the largest vote over the objects seen at a place, each shown as a place where nothing else is.
 
-    A place whose objects nobody listed is shown as it is, one where nothing is seen has P 0.
+    Of an object its class, look and sign are shown, or without `looks` the class alone, of which there are few. Where
+    nothing is seen P is 0. Where nobody listed objects the place is shown as it is; without `looks` it abstains.
     """
 
     judge: Judge
+    looks: bool = True
 
     @property
     def name(self) -> str:
@@ -30,19 +32,20 @@ class EachJudge:
 
     def probabilities(self, pairs: Sequence[Pair]) -> Floats:
         """See `Judge`. The judge is called once, with all objects of all pairs."""
-        parts = {key: _parts(truth) for key, truth in {id(p.truth): p.truth for p in pairs}.items()}
+        parts = {key: _parts(truth, self.looks) for key, truth in {id(p.truth): p.truth for p in pairs}.items()}
         counts = [len(parts[id(p.truth)]) for p in pairs]
         votes = self.judge.probabilities([Pair(p.asked, part) for p in pairs for part in parts[id(p.truth)]])
-        out, first = np.zeros(len(pairs)), np.cumsum([0, *counts])[:-1]
+        out = np.array([np.nan if p.truth.objects is None else 0.0 for p in pairs], np.float64)
+        first = np.cumsum([0, *counts])[:-1]
         spoken = np.flatnonzero(counts)
         if len(spoken):
             out[spoken] = np.fmax.reduceat(np.asarray(votes, np.float64), first[spoken])  # passes over abstentions
         return out
 
 
-def _parts(truth: NodeTruth) -> tuple[NodeTruth, ...]:
+def _parts(truth: NodeTruth, looks: bool) -> tuple[NodeTruth, ...]:
     """The places to be shown, those that read alike once."""
     if truth.objects is None:
-        return (truth,)
-    alike = {seen.words: seen for seen in truth.seen}
+        return (truth,) if looks else ()
+    alike = {seen.words: seen for seen in (truth.seen if looks else (SeenObject(o.name) for o in truth.seen))}
     return tuple(NodeTruth(truth.node, (seen,)) for seen in alike.values())

@@ -29,6 +29,12 @@ def test_the_best_object_counts_and_no_two_are_put_together() -> None:
     assert votes(EachJudge(WORDS), "a red bench", BENCH, TREE, EMPTY, TOLD) == [1.0, 0.0, 0.0, 1.0]
 
 
+def test_classes_alone_have_no_looks() -> None:
+    judge = EachJudge(WORDS, looks=False)
+    assert votes(judge, "a red bench", BENCH, EMPTY) == [0.5, 0.0]
+    assert math.isnan(votes(judge, "a red bench", TOLD)[0])
+
+
 def test_no_object_and_no_pair() -> None:
     assert votes(EachJudge(WORDS), "a bench", EMPTY) == [0.0]
     assert EachJudge(WORDS).probabilities([]).shape == (0,)
