@@ -30,6 +30,9 @@ def run(
         bool, typer.Option("--tables-only", help="only tables and pictures, from the answers that are there")
     ] = False,
     again: Annotated[list[str] | None, typer.Option(metavar="SYSTEM", help="ask this system anew")] = None,
+    estimate: Annotated[
+        bool, typer.Option("--estimate", help="only say what is still to be done, and how long that takes")
+    ] = False,
     wandb: Annotated[bool, typer.Option("--wandb", help="log to Weights & Biases, offline")] = False,
     join: Annotated[bool, typer.Option("--join", help="only the page that joins all runs")] = False,
     overrides: Overrides = None,
@@ -37,6 +40,7 @@ def run(
     """Run an experiment; killed at any moment, the same command goes on, and nothing is asked twice."""
     from erag.core.errors import ConfigError
     from erag.experiment.join import join as joined
+    from erag.experiment.reading import read_experiment
 
     if config is None:
         if not join:
@@ -44,19 +48,28 @@ def run(
         show.out(str(joined(EXPERIMENTS)))
         return
     folder = out or EXPERIMENTS / config.stem
-    _run(_read(config, overrides or []), folder, tables_only, again or [], wandb)
+    made = read_experiment(config, overrides or [])
+    if estimate:
+        _estimate(made, folder)
+        return
+    _run(made, folder, tables_only, again or [], wandb)
     if folder.parent == EXPERIMENTS:
         joined(EXPERIMENTS)
 
 
-def _read(config: Path, overrides: list[str]) -> ExperimentConfig:
-    from erag.experiment.config import ExperimentConfig
-    from erag.pipeline.config import apply_override, read_yaml, validate
+def _estimate(config: ExperimentConfig, folder: Path) -> None:
+    from erag.experiment.run import Experiment
+    from erag.lm.weights import default_store
 
-    raw = read_yaml(config)
-    for override in overrides:
-        apply_override(raw, override)
-    return validate(ExperimentConfig, raw, str(config))
+    with show.progress_bars() as progress:
+        found = Experiment(config, folder, default_store(), progress).estimate()
+    rows = [
+        (one.what, f"{one.count:,}", "unknown" if one.seconds is None else f"{one.seconds / 60:.1f}") for one in found
+    ]
+    known = sum(one.seconds for one in found if one.seconds is not None)
+    show.table(
+        ("what", "how many", "minutes"), [*rows, ("all that is known", "", f"{known / 60:.1f}")], right=("how many",)
+    )
 
 
 def _run(config: ExperimentConfig, folder: Path, tables_only: bool, again: list[str], wandb: bool) -> None:
@@ -70,5 +83,7 @@ def _run(config: ExperimentConfig, folder: Path, tables_only: bool, again: list[
         from erag.experiment.tracking import track
 
         show.say(f"wandb: {track(experiment.config, experiment.folder)}")
-    show.say(f"{experiment.asked_now:,} questions asked now")
+    show.say(
+        f"{experiment.asked_now:,} questions asked now, {experiment.taken_over:,} answers of other runs taken over"
+    )
     show.out(str(experiment.folder.page))

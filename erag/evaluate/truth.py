@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 VISIBLE = 0.01  # share of the image from which on an object counts as seen
@@ -54,10 +54,24 @@ class NodeTruth:
     @property
     def texts(self) -> tuple[str, ...]:
         """The truth as texts: the captions, then the listed objects, place and attributes as one sentence."""
-        listed = [o.words for o in self.objects or () if o.area >= VISIBLE]
-        parts = [self.place, *dict.fromkeys(listed), *self.attributes]
-        said = ", ".join(part for part in parts if part)
+        said = ", ".join(self.parts)
         return (*self.captions, *((f"{said}.",) if said else ()))
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What is listed besides captions: the place, every kind of object seen, the attributes."""
+        listed = [self.place, *dict.fromkeys(seen.words for seen in self.seen), *self.attributes]
+        return tuple(part for part in listed if part)
+
+    @property
+    def seen(self) -> tuple[SeenObject, ...]:
+        """The listed objects that count as seen."""
+        return tuple(o for o in self.objects or () if o.area >= VISIBLE)
+
+    @property
+    def listed(self) -> NodeTruth:
+        """The same without its captions where objects are listed: what nobody put into words before."""
+        return self if self.objects is None else replace(self, captions=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,3 +101,8 @@ class Truths:
     def of(self, node: str) -> NodeTruth:
         """The truth of a node; an empty one, on which judges abstain, where nothing is known."""
         return self.by_node.get(node) or NodeTruth(node)
+
+    def over(self, nodes: Iterable[str], listed: bool = False) -> Truths:
+        """Those of some nodes; with `listed` without captions wherever objects are listed."""
+        kept = {node: self.by_node[node] for node in nodes if node in self.by_node}
+        return replace(self, by_node={n: t.listed for n, t in kept.items()} if listed else kept)

@@ -12,17 +12,18 @@ from pydantic import BaseModel, ConfigDict
 from erag.core.errors import InputError
 from erag.core.text import content_hash
 from erag.data.contract import QueryLine
-from erag.evaluate.judges.agreement import Agreement, agreement, panel_agreement
+from erag.evaluate.judges.agreement import PANEL, Agreement, agreement, panel_agreement
 from erag.evaluate.judges.protocol import Votes
 from erag.evaluate.judges.stack import Stack, cross_stacked
 from erag.evaluate.scene import Scene
 from erag.evaluate.truth import Pair
-from erag.experiment.config import AgreementConfig
+from erag.experiment.config import AgreementConfig, PanelConfig
+from erag.experiment.judging import Voted
 from erag.experiment.panel import Bench
-from erag.experiment.questions import Posed
+from erag.experiment.questions import Posed, QuestionRecord
 from erag.pipeline.query import Asker
 
-STACK = "stack"
+STACK, ANSWERED = "stack", "answered"
 FAR = 1 << 30  # the place of a node that is not in the head of the ranking
 
 
@@ -155,6 +156,37 @@ def agreement_rows(
         found += _of_stack(part, None if stacked is None else stacked[kept], top)
         made += [_row(data, kind, one, all_pairs.votes) for one in found]
     return made
+
+
+def answered_rows(
+    votes: Sequence[Voted], questions: Sequence[QuestionRecord], panel: PanelConfig, similarity: str
+) -> list[AgreementRow]:
+    """The agreement on the pairs that systems answered, which is where a panel counts, by data set and kind."""
+    kinds = {q.key: q.kind for q in questions if q.relevant}
+    known = [v for v in votes if v.relevant is not None and v.key[:3] in kinds]
+    names = tuple(name for name in panel.judges if any(name in v.votes for v in known))
+    models = tuple(panel.models(name, similarity) for name in names)
+    rows = []
+    for data in dict.fromkeys(v.data for v in known):
+        inside = [v for v in known if v.data == data]
+        wanted = ["all", *sorted({kinds[v.key[:3]] for v in inside})]
+        for kind in wanted if len(wanted) > 2 else wanted[:1]:
+            part = [v for v in inside if kind in ("all", kinds[v.key[:3]])]
+            rows += _answered(data, kind, part, names, models)
+    return rows
+
+
+def _answered(
+    data: str, kind: str, part: Sequence[Voted], names: tuple[str, ...], models: tuple[frozenset[str], ...]
+) -> list[AgreementRow]:
+    values = np.array([[v.votes.get(name, np.nan) for name in names] for v in part], np.float64)
+    votes = Votes(names, models, values.reshape(len(part), len(names)))
+    labels, asked = np.array([bool(v.relevant) for v in part]), [" ".join(v.key[1:3]) for v in part]
+    columns = {name: values[:, i] for i, name in enumerate(names)} | {PANEL: votes.mean()}
+    if any(v.stack is not None for v in part):
+        columns[STACK] = np.array([np.nan if v.stack is None else v.stack for v in part])
+    found = [agreement(name, ANSWERED, column, labels, asked) for name, column in columns.items()]
+    return [_row(data, kind, one, votes) for one in found if one is not None]
 
 
 def stackable(votes: Votes, rules: Sequence[str]) -> list[str]:

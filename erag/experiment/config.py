@@ -8,12 +8,14 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from erag.evaluate.baselines.naive import NaiveConfig
+from erag.evaluate.navigation.planner import FollowerConfig
 from erag.lm.config import ModelConfig, WriterConfig
 
 Mode = Literal["Q", "Q,L", "Q,S", "Q,L,S", "L", "L,S"]
 PARTS = {"Q": "query", "L": "at", "S": "sensor"}  # what a letter of a mode is in a line of Q.jsonl
 Count = Annotated[int, Field(ge=1)]
 Metric = Annotated[str, Field(min_length=1, max_length=60)]
+RELEVANCE = "relevance"  # our model of relevance as one of the models that judges and systems may share
 
 
 class _Config(BaseModel):
@@ -67,8 +69,10 @@ class SystemConfig(_Config):
     """A system that is asked: a preset with overrides, or Naive-RAG.
 
     `queries`: asked only a sample of that many questions of each set, drawn by the seed and spread over environments.
-    `data` and `sets` restrict what it is asked. `flat` marks the baselines of which the best is what others are tested
-    against.
+    `data`, `environments` and `sets` restrict what it is asked. Without `refuses` it answers whatever it finds, as the
+    systems of other papers do. `flat` marks the baselines of which the best is what others are tested against; `ours`
+    the systems that are this project's, the first of them the default; `stands_for` says which of the paper's systems
+    it is the counterpart of.
     """
 
     preset: str = "tiny"
@@ -76,8 +80,12 @@ class SystemConfig(_Config):
     naive: NaiveConfig | None = None
     queries: Count | None = None
     data: Values = ()
+    environments: Values = ()
     sets: Values = ()
+    refuses: bool = True
     flat: bool = False
+    ours: bool = False
+    stands_for: str = ""
     note: str = ""
 
 
@@ -97,26 +105,33 @@ class ColumnConfig(_Config):
 
 
 class TableConfig(_Config):
-    """A table: a row a system. `data` restricts it to some data sets; one table is made for each data set."""
+    """A table: a row a system. `data` restricts it to some data sets; one table is made for each data set.
+
+    Systems are tested against the best flat baseline of each column, or `against` one system.
+    """
 
     title: str
     columns: tuple[ColumnConfig, ...]
     systems: Values = ()
     data: Values = ()
+    against: str = ""
 
 
-JudgeKind = Literal["labels", "words", "embedding", "model"]
+JudgeKind = Literal["labels", "words", "embedding", "relevance", "model"]
 
 
 class JudgeConfig(_Config):
-    """A judge: object `labels`, `words`, an `embedding`, or a language `model` (asked Yes or No, or by likelihood).
+    """A judge: object `labels`, `words`, an `embedding`, our model of `relevance`, or a language `model`.
 
-    `expanded`: it is asked, too, by what would satisfy the question: the stated `targets`, or what the panel's
-    expander names from the question alone (`model`). How a model judges is the `scorer` of its `text` section.
+    `each`: it is shown every listed object on its own, as it looks (`objects`) or by its class alone (`classes`), and
+    the best one counts. `expanded`: it is asked, too, by what would satisfy the question: the stated `targets`, or what
+    the panel's expander names from the question alone (`model`). How a model judges is the `scorer` of its `text`
+    section: Yes or No, or by likelihood.
     """
 
     kind: JudgeKind
     model: WriterConfig | None = None
+    each: Literal["objects", "classes"] | None = None
     expanded: Literal["targets", "model"] | None = None
 
     @model_validator(mode="after")
@@ -141,11 +156,13 @@ class AgreementConfig(_Config):
 class PanelConfig(_Config):
     """The judges by name. P(Q|A) is the `mean` of their votes, or what the fitted `stack` makes of them.
 
+    `reads`: the object `lists` of the world wherever there are any, apart from every caption, or `all` that is known.
     `expander` names what would satisfy a question, for the judges that are `expanded`; only questions of the kinds
     `expand_kinds` are. `fit` writes a stack fitted on the labelled pairs of this experiment: on worlds for training.
     """
 
     judges: dict[str, JudgeConfig] = {"words": JudgeConfig(kind="words"), "labels": JudgeConfig(kind="labels")}
+    reads: Literal["lists", "all"] = "all"
     expander: WriterConfig | None = None
     expand_kinds: Values = ("implicit",)
     stack: Path | None = None
@@ -156,7 +173,8 @@ class PanelConfig(_Config):
     def models(self, name: str, similarity: str) -> frozenset[str]:
         """The weights a judge rests on; `similarity` are those of the experiment's embedder."""
         judge = self.judges[name]
-        named = {similarity} if judge.kind == "embedding" else set[str]()
+        named = {similarity} if judge.kind in ("embedding", "relevance") else set[str]()
+        named |= {RELEVANCE} if judge.kind == "relevance" else set()
         asked = (judge.model, self.expander if judge.expanded == "model" else None)
         return frozenset(named | {model_name(model) for model in asked if model is not None})
 
@@ -190,11 +208,23 @@ class SweepConfig(_Config):
     grid: tuple[tuple[str, str], ...] = ()
 
 
+class TripsConfig(_Config):
+    """A simulated robot that drives from L to the first answer: its `planner`, and what it meets.
+
+    `blocked` is the share of edges that are blocked without the map's knowing, `success_m` how near is there.
+    """
+
+    planner: FollowerConfig = FollowerConfig()
+    blocked: Annotated[float, Field(ge=0, le=1)] = 0.02
+    success_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 3.0
+
+
 class ExperimentConfig(_Config):
     """An experiment. `work` keeps what can be made again: sources, memories, recorded calls of judges.
 
-    `intervals`: over `queries`, or over whole `environments`, which are what is independent. `similarity` names the
-    embedder of SS, which retrieved nothing where it is not that of the systems. `top` answers a question are kept.
+    `overrides` hold for every system, before its own. `intervals`: over `queries`, or over whole `environments`, which
+    are what is independent. `similarity` names the embedder of SS, which retrieved nothing where it is not that of the
+    systems. `top` answers a question are kept. With `trips` a robot drives to the first answer of questions with L.
     """
 
     title: str
@@ -204,9 +234,11 @@ class ExperimentConfig(_Config):
     top: Annotated[int, Field(ge=5, le=100)] = 5
     data: dict[str, DataConfig]
     sets: dict[str, SetConfig]
+    overrides: Values = ()
     systems: dict[str, SystemConfig] = {}
     sweep: SweepConfig | None = None
     panel: PanelConfig = PanelConfig()
+    trips: TripsConfig | None = None
     tables: tuple[TableConfig, ...] = ()
     capabilities: bool = False
     pictures: bool = True
@@ -219,7 +251,7 @@ class ExperimentConfig(_Config):
             _known("data", table.data, self.data)
             _known("sets", [c.set for c in table.columns], self.sets)
             if not self.sweep:
-                _known("systems", table.systems, self.systems)
+                _known("systems", (*table.systems, *filter(None, [table.against])), self.systems)
         for column in (c for t in self.tables for c in t.columns):
             if column.mode not in self.sets[column.set].modes:
                 raise ValueError(

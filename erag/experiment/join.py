@@ -8,17 +8,9 @@ from pathlib import Path
 
 from erag.core.errors import InputError
 from erag.core.output import replacing
-from erag.experiment.report import Folder
+from erag.experiment.report import DETAILS, Folder
 
 PAGE = "README.md"
-_LINES = 400  # of one run's page that are shown
-_LEFT_OUT = (
-    "## Tests",
-    "## What answers cost",
-    "## With other judges",
-    "## Made with",
-    "## Systems",
-)  # not on the joined page
 
 
 def join(root: Path) -> Path:
@@ -27,7 +19,9 @@ def join(root: Path) -> Path:
     if not runs:
         raise InputError("no run in it", where=str(root), repair="erag run --config configs/paper/table2.yaml")
     with replacing(root / PAGE) as file:
-        file.write("# Experiments\n\nEach run's page has its tests, costs, sensitivity to the judges, and machine.\n\n")
+        file.write(
+            "# Experiments\n\nWritten by `erag run`. How to read the tables: [evaluation](../docs/evaluation.md).\n\n"
+        )
         file.writelines(f"* [{run.name}]({run.name}/{PAGE}): {_title(run)}\n" for run in runs)
         for run in runs:
             file.writelines(f"{line}\n" for line in ("", *_short(run)))
@@ -43,13 +37,11 @@ def _title(run: Path) -> str:
 
 
 def _short(run: Path) -> Iterator[str]:
-    """The page of a run without the sections that only its own page has; headings one level down, pictures by path."""
-    kept, shown = 0, True
+    """The page of a run down to its details; headings one level down, pictures by path."""
     for line in (run / PAGE).read_text(encoding="utf-8").splitlines():
-        if line.startswith("## "):
-            shown = not line.startswith(_LEFT_OUT)
-        if not shown or (kept := kept + 1) > _LINES:
-            continue
+        if line == f"## {DETAILS}":
+            yield f"[{DETAILS}]({run.name}/{PAGE}#{DETAILS.lower()}): tests, other judges, costs, machine."
+            return
         if line.startswith("#"):
             yield f"#{line}"
         elif line.startswith("!["):

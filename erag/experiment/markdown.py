@@ -24,12 +24,12 @@ def heading(text: str, level: int = 2) -> list[str]:
     return [f"{'#' * level} {text}", ""]
 
 
-def sheet_lines(sheet: Sheet) -> list[str]:
-    """The sheet in Markdown."""
+def sheet_lines(sheet: Sheet, level: int = 2) -> list[str]:
+    """The sheet in Markdown, under a heading."""
     rule = "|".join("---" if i == 0 else "---:" for i in range(len(sheet.columns)))
     body = [_row(row) for row in sheet.rows]
     notes = [*sheet.notes, ""] if sheet.notes else []
-    return [*heading(sheet.title), *notes, _row(sheet.columns), f"|{rule}|", *body, ""]
+    return [*heading(sheet.title, level), *notes, _row(sheet.columns), f"|{rule}|", *body, ""]
 
 
 def _row(cells: Sequence[str]) -> str:

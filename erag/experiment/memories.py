@@ -24,12 +24,51 @@ BUILDING: tuple[RoleName, ...] = ("embed", "summarise")  # the roles a build cal
 
 
 @dataclass(frozen=True)
-class Made:
-    """A built memory: its file, the key of all it was built from, and what building it took."""
+class Memory:
+    """The memory of a source under a configuration: its file, the key of all it is built from, and whether it is there.
 
+    Systems whose configurations agree in what a memory depends on share it, and so do experiments of one work folder.
+    """
+
+    source: Source
+    config: PipelineConfig
+    given: bool
     path: Path
     key: str
-    cost: Mapping[str, float]
+
+    @classmethod
+    def of(cls, source: Source, config: PipelineConfig, given: bool, work: Path, store: ModelStore) -> Memory:
+        """Nothing is built yet."""
+        reduced = building(config)
+        models = [store.fingerprint(m.model) for m in reduced.backend.models.values() if hasattr(m, "model")]
+        key = content_hash(source.digest, reduced.model_dump_json(), str(given), str(BUILD_VERSION), *models).hex()
+        path = work / "memories" / f"{source.environment.name}-{key[:12]}.erag"
+        return cls(source, reduced, given, path, key)
+
+    @property
+    def made(self) -> bool:
+        """Whether it was built to its end."""
+        return self._told.is_file()
+
+    @property
+    def cost(self) -> Mapping[str, float]:
+        """What building it took; nothing where it was not built."""
+        return json.loads(self._told.read_text(encoding="utf-8")) if self.made else {}
+
+    def make(self, store: ModelStore, progress: Progress) -> None:
+        """Build it where it is not there; what was begun by a killed run is gone on with."""
+        if self.made:
+            return
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        ingest(self.source.folder, self.path)
+        with MemoryFile.writing(self.path, "erag run") as opened:
+            report = build(opened, self.config, store, given=self.given, progress=progress)
+        with replacing(self._told) as file:
+            json.dump(build_cost(report.ledger, report.seconds), file, sort_keys=True)
+
+    @property
+    def _told(self) -> Path:
+        return self.path.with_suffix(".json")
 
 
 def building(config: PipelineConfig) -> PipelineConfig:
@@ -38,23 +77,3 @@ def building(config: PipelineConfig) -> PipelineConfig:
     models = {name: config.backend.models[name] for name in sorted(set(roles.values()))}
     backend = BackendConfig(models=models, roles=roles)
     return PipelineConfig(backend=backend, map=config.map, forest=config.forest, summaries=config.summaries)
-
-
-def memory(
-    source: Source, config: PipelineConfig, given: bool, work: Path, store: ModelStore, progress: Progress
-) -> Made:
-    """The memory of a source, made when it is not there; what was begun by a killed run is gone on with."""
-    reduced = building(config)
-    models = [store.fingerprint(m.model) for m in reduced.backend.models.values() if hasattr(m, "model")]
-    dumped = reduced.model_dump_json()
-    key = content_hash(source.digest, dumped, str(given), str(BUILD_VERSION), *models).hex()
-    path = work / "memories" / f"{source.environment.name}-{key[:12]}.erag"
-    told = path.with_suffix(".json")
-    if not told.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        ingest(source.folder, path)
-        with MemoryFile.writing(path, "erag run") as opened:
-            report = build(opened, reduced, store, given=given, progress=progress)
-        with replacing(told) as file:
-            json.dump(build_cost(report.ledger, report.seconds), file, sort_keys=True)
-    return Made(path, key, json.loads(told.read_text(encoding="utf-8")))

@@ -10,23 +10,26 @@ from pathlib import Path
 from erag.core.errors import BadModelOutput
 from erag.core.progress import Progress
 from erag.evaluate.dataset import Environment, Question
+from erag.evaluate.judges.each import EachJudge
 from erag.evaluate.judges.embedding import EmbeddingJudge
 from erag.evaluate.judges.expanded import ExpandedJudge
 from erag.evaluate.judges.labels import LabelJudge
 from erag.evaluate.judges.lexical import LexicalJudge
 from erag.evaluate.judges.model import ModelJudge
 from erag.evaluate.judges.protocol import Floats, Judge, Panel
+from erag.evaluate.judges.relevance import RelevanceJudge
 from erag.evaluate.truth import Pair
 from erag.experiment.config import JudgeConfig, PanelConfig
 from erag.lm.config import BackendConfig, WriterConfig, build_backend
 from erag.lm.journal import Journal
 from erag.lm.ledger import Ledger
-from erag.lm.roles import Embedder, LMBackend, RoleName
+from erag.lm.roles import LMBackend, RoleName
 from erag.lm.weights import ModelStore
 from erag.memory.calls import Calls
 from erag.memory.file import MemoryFile
 from erag.retrieve.config import ExpandConfig
 from erag.retrieve.expand import Expander
+from erag.retrieve.uses import KnownEmbedder
 
 THINGS = 5  # what a question is expanded to, at most
 
@@ -36,7 +39,7 @@ class Bench:
     """Where judges sit: the models they ask, loaded once, each call recorded on disk and never made again."""
 
     config: PanelConfig
-    embedder: Embedder
+    embedder: KnownEmbedder
     embedder_name: str
     store: ModelStore
     calls: Calls
@@ -57,6 +60,7 @@ class Bench:
         self, name: str, config: JudgeConfig, environment: Environment, expansions: Mapping[str, Sequence[str]]
     ) -> Judge:
         judge, models = self._plain(name, config, environment), self.config.models(name, self.embedder_name)
+        judge = EachJudge(judge, looks=config.each == "objects") if config.each is not None else judge
         if config.expanded is None:
             return _Named(judge, name, models)
         kinds = self.config.expand_kinds
@@ -71,6 +75,8 @@ class Bench:
             return LexicalJudge.over(truths)
         if config.kind == "embedding":
             return EmbeddingJudge(name, self.embedder)
+        if config.kind == "relevance":
+            return RelevanceJudge.over(truths, self.embedder)
         if config.model is None:
             raise ValueError(f"the judge {name!r} has no model")
         return ModelJudge(name, self._journal(config.model, "score"))

@@ -18,6 +18,11 @@ Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 QuestionKey = tuple[str, str, str]  # data set, environment, id
 Key = tuple[str, str, str, str, str]  # system, data set, environment, id, mode
 R = TypeVar("R", bound=BaseModel)
+# What of a prediction is the system's answer, apart from its places and from who asked what where.
+ANSWER = frozenset(
+    {"kind", "text", "reason", "refused", "waypoint", "route", "route_m", "seconds", "visited", "calls", "tokens_in",
+     "tokens_out", "notes", "error"}
+)  # fmt: skip
 
 
 class _Record(BaseModel):

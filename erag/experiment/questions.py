@@ -146,6 +146,7 @@ def chosen(questions: Sequence[Posed], system: SystemConfig, seed: int) -> list[
     The same seed chooses the same questions for every system, and a smaller number some of those of a larger one.
     """
     allowed = [q for q in questions if not system.data or q.data in system.data]
+    allowed = [q for q in allowed if not system.environments or q.environment in system.environments]
     allowed = [q for q in allowed if not system.sets or set(q.sets) & set(system.sets)]
     if system.queries is None:
         return allowed

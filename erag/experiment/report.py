@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from erag.core.output import replacing
-from erag.experiment.agreement import AgreementRow
+from erag.experiment.agreement import AgreementRow, answered_rows
+from erag.experiment.canvas import Picture
 from erag.experiment.capabilities import capabilities
 from erag.experiment.config import ExperimentConfig, TableConfig
 from erag.experiment.costs import costs
+from erag.experiment.driving import Driven
 from erag.experiment.figures import draw
+from erag.experiment.findings import findings, findings_sheet, order_sheet, told, told_of_parts
 from erag.experiment.judging import TextScored, Voted
 from erag.experiment.markdown import Sheet, heading, sheet_lines
 from erag.experiment.predictions import Prediction, read_predictions, read_records
@@ -26,6 +29,7 @@ from erag.experiment.tables import Choices, Table, table
 from erag.pipeline.config import load_config
 from erag.retrieve.config import Bm25Config, FusionConfig, NodeConfig, SentenceConfig
 
+DETAILS = "Details"
 FLAT = (NodeConfig, SentenceConfig, Bm25Config, FusionConfig)
 
 
@@ -54,6 +58,10 @@ class Folder:
     @property
     def texts(self) -> Path:
         return self.path / "texts.jsonl"
+
+    @property
+    def trips(self) -> Path:
+        return self.path / "trips.jsonl"
 
     @property
     def agreement(self) -> Path:
@@ -88,6 +96,7 @@ class Material:
     questions: Sequence[QuestionRecord]
     votes: Sequence[Voted]
     texts: Sequence[TextScored]
+    trips: Sequence[Driven]
     agreement: Sequence[AgreementRow]
     facts: dict[str, Any]
 
@@ -98,6 +107,7 @@ class Material:
             read_records(folder.questions, QuestionRecord),
             read_records(folder.votes, Voted),
             read_records(folder.texts, TextScored),
+            read_records(folder.trips, Driven),
             read_records(folder.agreement, AgreementRow),
             json.loads(folder.facts.read_text(encoding="utf-8")) if folder.facts.is_file() else {},
         )
@@ -107,25 +117,33 @@ def write_report(config: ExperimentConfig, folder: Folder) -> None:
     """Write the page, a CSV file a table, `metrics.json` and the pictures."""
     material = Material.of(folder)
     by = stacked if config.panel.probability == "stack" else mean_vote()
-    scores = scored(material.predictions, material.questions, material.votes, material.texts, by)
+    scores = scored(material.predictions, material.questions, material.votes, material.texts, by, material.trips)
     choices = choices_of(config, scores)
-    tables = [table(t, data, scores, choices) for t in config.tables for data in _data(t, config)]
-    tables = [t for t in tables if t.rows]
-    sheets = [s for t in tables for s in (table_sheet(t), *tests_sheet(t))]
-    sheets += sensitivity(config, material.predictions, material.questions, material.votes, material.facts)
-    sheets += capabilities(scores, choices.systems) if config.capabilities else []
-    sheets += costs(scores, choices.systems)
-    sheets += agreement_sheet(material.agreement, material.facts)
-    pictures = draw(config, tables, scores, material.agreement, folder.path) if config.pictures else []
+    wanted = [(t, data, table(t, data, scores, choices)) for t in config.tables for data in _data(t, config)]
+    wanted = [one for one in wanted if one[2].rows]
+    tables = [made for _, _, made in wanted]
+    found = [] if config.sweep else [(t, data, findings(t, data, scores, choices)) for t, data, _ in wanted]
+    rows = [*material.agreement, *answered_rows(material.votes, material.questions, config.panel, config.similarity)]
+    shown = [s for t in tables for s in (table_sheet(t), *order_sheet(t, choices))]
+    shown += capabilities(scores, choices.systems) if config.capabilities else []
+    shown += agreement_sheet(rows, material.facts)
+    details = [s for t, data, one in found for s in findings_sheet(one, t.title, data)]
+    details += [s for t in tables for s in tests_sheet(t)]
+    details += sensitivity(config, material.predictions, material.questions, material.votes, material.facts)
+    details += costs(scores, choices.systems)
+    pictures = draw(config, tables, scores, rows, choices, folder.path) if config.pictures else []
     for old in folder.path.glob("*.csv"):
         old.unlink()
-    for sheet in sheets:
+    for sheet in (*shown, *details):
         _write_csv(folder.path / f"{sheet.name}.csv", sheet)
     with replacing(folder.metrics) as file:
         json.dump(_metrics(tables), file, indent=1, ensure_ascii=False)
         file.write("\n")
+    words = [line for t, data, one in found for line in told(one, f"{data}, {t.title}")]
+    words += [line for t, _, made in wanted if t.against for line in told_of_parts(made, t.against)]
     with replacing(folder.page) as file:
-        file.writelines(f"{line}\n" for line in _page(config, material, sheets, pictures))
+        file.writelines(f"{line}\n" for line in _page(config, words, shown, pictures))
+        file.writelines(f"{line}\n" for line in _details(config, details, material.facts))
 
 
 def choices_of(config: ExperimentConfig, scores: Sequence[Scored]) -> Choices:
@@ -133,7 +151,9 @@ def choices_of(config: ExperimentConfig, scores: Sequence[Scored]) -> Choices:
     asked = {s.prediction.system for s in scores}
     names = [n for n in config.systems if n in asked]
     flat = frozenset(n for n in names if config.systems[n].flat or (_by_kind(config, n)))
-    return Choices(names, flat, config.intervals == "environments", config.seed)
+    ours = tuple(n for n in names if config.systems[n].ours)
+    counterparts = {n: config.systems[n].stands_for for n in names if config.systems[n].stands_for}
+    return Choices(names, flat, ours, counterparts, config.intervals == "environments", config.seed)
 
 
 def _by_kind(config: ExperimentConfig, name: str) -> bool:
@@ -162,18 +182,28 @@ def _metrics(tables: Sequence[Table]) -> list[dict[str, Any]]:
 
 
 def _page(
-    config: ExperimentConfig, material: Material, sheets: Sequence[Sheet], pictures: Sequence[tuple[str, str]]
+    config: ExperimentConfig,
+    words: Sequence[str],
+    sheets: Sequence[Sheet],
+    pictures: Sequence[Picture],
 ) -> list[str]:
-    facts, lines = material.facts, [f"# {config.title}", ""]
+    """What the joined page shows, too: what the run says, its tables each with its pictures."""
+    lines = [f"# {config.title}", ""]
     lines += [f"* {note}" for note in config.notes] + ([""] if config.notes else [])
+    lines += [*heading("Who wins"), *words] if words else []
+    for sheet in sheets:
+        lines += sheet_lines(sheet)
+        lines += [line for p in pictures if p.sheet == sheet.name for line in (f"![{p.told}]({p.file})", "")]
     systems = {name: system.note for name, system in config.systems.items() if system.note}
     if systems:
         lines += [*heading("Systems"), *(f"* **{name}**: {note}" for name, note in systems.items()), ""]
-    for sheet in sheets:
-        lines += sheet_lines(sheet)
-    for name, told in pictures:
-        lines += [f"![{told}]({name})", ""]
-    return [*lines, *heading("Made with"), *_made_with(config, facts)]
+    return lines
+
+
+def _details(config: ExperimentConfig, sheets: Sequence[Sheet], facts: dict[str, Any]) -> list[str]:
+    """What a reader looks up on the run's own page: tests, other judges, costs, machine."""
+    return [*heading(DETAILS), *(line for s in sheets for line in sheet_lines(s, 3)),
+            *heading("Made with", 3), *_made_with(config, facts)]  # fmt: skip
 
 
 def _made_with(config: ExperimentConfig, facts: dict[str, Any]) -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from erag.core.errors import InputError
 from erag.evaluate.answers import Answered, Ground, answer_scores, ranking_scores
+from erag.experiment.driving import Driven
 from erag.experiment.judging import PairKey, TextScored, Voted
 from erag.experiment.predictions import Key, Place, Prediction, QuestionKey
 from erag.experiment.questions import QuestionRecord
@@ -45,6 +46,7 @@ def scored(
     votes: Sequence[Voted],
     texts: Sequence[TextScored],
     probability: Probability,
+    trips: Sequence[Driven] = (),
 ) -> list[Scored]:
     """The scores of every prediction whose question is among `questions`, in their order.
 
@@ -52,9 +54,10 @@ def scored(
     """
     known = {q.key: q for q in questions}
     pairs = {v.key: v for v in votes}
-    said = {t.key: t.values for t in texts}
+    said, drove = {t.key: t.values for t in texts}, {t.key: t for t in trips}
     kept = [(p, known[p.question]) for p in predictions if p.question in known]
-    return [Scored(p, q, _values(p, q, pairs, said.get(p.key), probability)) for p, q in kept]
+    values = (_values(p, q, pairs, said.get(p.key), probability) | _drove(drove.get(p.key)) for p, q in kept)
+    return [Scored(p, q, _both(v)) for (p, q), v in zip(kept, values, strict=True)]
 
 
 def _values(
@@ -79,6 +82,18 @@ def _values(
     if question.relevant:
         values |= ranking_scores([place.node for place, _ in answers], _relevant(answers, question.relevant))
     return values | _held(prediction, question)
+
+
+def _drove(trip: Driven | None) -> dict[str, float]:
+    """Navigation success, whatever was answered."""
+    return {} if trip is None else {"arrived": float(trip.status == "arrived"), "trip_spl": trip.spl}
+
+
+def _both(values: Mapping[str, float]) -> Mapping[str, float]:
+    """With `arrived_right`: the robot got there, and it was the right place."""
+    if "arrived" not in values or "precision@1" not in values:
+        return values
+    return {**values, "arrived_right": values["arrived"] * values["precision@1"]}
 
 
 def _pair(pairs: Mapping[PairKey, Voted], question: QuestionKey, node: str) -> Voted:

@@ -37,7 +37,7 @@ def _cell(cell: Cell | None, count: bool) -> str:
 
 
 def tests_sheet(made: Table) -> list[Sheet]:
-    """The paired tests of a table's columns against the best flat baseline of each; none where there are none."""
+    """The paired tests of a table's columns; none where there are none."""
     rows = [
         (title, one.system, one.baseline, f"{one.difference.mean:+.3f}",
          f"[{one.difference.low:+.3f}, {one.difference.high:+.3f}]", f"{one.p:.4f}", f"{one.adjusted:.4f}",
@@ -47,10 +47,10 @@ def tests_sheet(made: Table) -> list[Sheet]:
     ]  # fmt: skip
     if not rows:
         return []
-    columns = ("column", "system", "best flat", "difference", "95 %", "p", "Holm", "wins / ties / losses")
+    columns = ("column", "system", "against", "difference", "95 %", "p", "Holm", "wins / ties / losses")
     notes = (
         "Paired permutation tests on the questions both were asked, against the flat baseline with the best mean of "
-        "the column; Holm's correction over the systems of a column.",
+        "the column, or the system the table is about; Holm's correction over the systems of a column.",
     )
     return [
         Sheet(slug(made.title, made.data, "tests"), f"Tests, {made.title}: {made.data}", columns, tuple(rows), notes)
@@ -70,8 +70,9 @@ def agreement_sheet(rows: Sequence[AgreementRow], facts: Mapping[str, Any]) -> l
     ]  # fmt: skip
     columns = ("data", "kind", "over", "judge", "pairs", "right", "abstained", "AUC", "AUC by query", "Brier", "ECE")
     notes = (
-        "Over `all` pairs (the head of each ranking and nodes drawn beside it), and over the head alone, which is what "
-        "a panel judges. `*`: a model that the systems of this run use, too.",
+        "Over the pairs that the systems `answered`, which is where a panel counts; and where it was tried beforehand, "
+        "over the head of a ranking and over `all` of these and nodes drawn beside it. `*`: a model that systems of "
+        "this run use, too.",
     )
     return [Sheet("agreement", "The panel against labels", columns, tuple(table), notes)]
 

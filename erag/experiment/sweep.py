@@ -13,12 +13,16 @@ def point(*settings: tuple[str, float | int | str]) -> str:
     return ", ".join(f"{axis} = {value}" for axis, value in settings)
 
 
-def swept(config: ExperimentConfig) -> ExperimentConfig:
-    """The experiment with the systems of its sweep beside its own. Raises ConfigError for an axis that is not there."""
-    if config.sweep is None:
-        return config
-    made = dict(_systems(config.sweep))
-    return config.model_copy(update={"systems": {**config.systems, **made}})
+def resolved(config: ExperimentConfig) -> ExperimentConfig:
+    """The experiment with every system written out: those of its sweep beside its own, common overrides in each.
+
+    Raises ConfigError for an axis that is not there.
+    """
+    made = dict(_systems(config.sweep)) if config.sweep is not None else {}
+    systems = config.systems | {name: system for name, system in made.items() if name not in config.systems}
+    common = config.overrides
+    written = {n: s.model_copy(update={"overrides": (*common, *s.overrides)}) for n, s in systems.items()}
+    return config.model_copy(update={"systems": written, "overrides": ()})
 
 
 def _systems(sweep: SweepConfig) -> Iterator[tuple[str, SystemConfig]]:

@@ -6,19 +6,21 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 from erag.core.errors import BadModelOutput, InputError, RoleMissing
+from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
 from erag.core.types import Hit, Pose
 from erag.data.contract import QueryLine, Result, parse_query
 from erag.evaluate.baselines.naive import NaiveRag
 from erag.evaluate.location import paths
 from erag.evaluate.scene import Scene
-from erag.experiment.config import Mode, SystemConfig
-from erag.experiment.memories import Made
-from erag.experiment.predictions import Place, Prediction
+from erag.experiment.config import RELEVANCE, Mode, SystemConfig, model_name
+from erag.experiment.memories import Memory
+from erag.experiment.predictions import ANSWER, Place, Prediction
 from erag.experiment.questions import Posed, digest_of
 from erag.generate.answer import NOTHING
 from erag.lm.config import BackendConfig
@@ -26,14 +28,19 @@ from erag.lm.metered import Metered
 from erag.lm.roles import ROLES
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig, load_config
+from erag.pipeline.load import Built, load
 from erag.pipeline.query import Asker, metered
+from erag.retrieve.config import RelevanceConfig, TreeConfig
 
-ANSWERING = 1  # raised when the same configuration and memory give another prediction
+_SCORES = ("node", "score", "semantic", "spatial", "sensor")  # of a hit, as the system gave them
+# Of a system that does not refuse: no share of evidence is too little.
+ANYTHING = tuple(f"answer.least_{what}=0" for what in ("probability", "named", "evidence", "explained"))
+ANSWERING = 2  # raised when the same configuration and memory give another prediction
 
 
 def pipeline_of(system: SystemConfig) -> PipelineConfig:
     """The pipeline's configuration of a system. Naive-RAG writes with a model of its own and retrieves by vectors."""
-    config = load_config(system.preset, overrides=system.overrides)
+    config = _configured(system.preset, (*system.overrides, *(() if system.refuses else ANYTHING)))
     if system.naive is None:
         return config
     embeds = config.backend.roles["embed"]
@@ -44,14 +51,39 @@ def pipeline_of(system: SystemConfig) -> PipelineConfig:
     )
 
 
+@lru_cache(maxsize=1024)
+def _configured(preset: str, overrides: tuple[str, ...]) -> PipelineConfig:
+    """A preset is read once, however many environments a system is asked about."""
+    return load_config(preset, overrides=overrides)
+
+
+def models_of(system: SystemConfig) -> frozenset[str]:
+    """The models a system rests on, our model of relevance among them: those that judges may share."""
+    config = pipeline_of(system)
+    retriever = config.retrieve.retriever
+    scores = retriever.scores if isinstance(retriever, TreeConfig) else retriever
+    relevance = {RELEVANCE} if isinstance(scores, RelevanceConfig) and system.naive is None else set[str]()
+    return frozenset({model_name(config.backend.models[key]) for key in config.backend.roles.values()} | relevance)
+
+
 @dataclass
 class Loaded:
-    """Models that are loaded, by the configuration of their backend: systems of equal models share them."""
+    """What is loaded and shared: models by the configuration of their backend, memories by their file."""
 
     store: ModelStore
+    progress: Progress = quiet
     _known: dict[str, Metered] = field(default_factory=dict)
+    _built: dict[Path, Built] = field(default_factory=dict)
+
+    def asker(self, memory: Memory, config: PipelineConfig) -> Asker:
+        """Who answers from a memory, which is built where it was not."""
+        if memory.path not in self._built:
+            memory.make(self.store, self.progress)
+            self._built[memory.path] = load(memory.path)
+        return Asker(memory.path, config, self.store, self.models(config), self._built[memory.path])
 
     def models(self, config: PipelineConfig) -> Metered:
+        """The models of a configuration, none loaded before it is called."""
         key = config.backend.model_dump_json()
         if key not in self._known:
             self._known[key] = metered(config, self.store)
@@ -72,12 +104,17 @@ def identities(models: Metered) -> dict[str, str]:
 class Asked:
     """A system over one environment, loaded at its first question."""
 
-    def __init__(self, name: str, system: SystemConfig, made: Made, scene: Scene, loaded: Loaded, top: int) -> None:
-        self.name, self._system, self._made, self._scene, self._top = name, system, made, scene, top
+    def __init__(self, name: str, system: SystemConfig, memory: Memory, scene: Scene, loaded: Loaded, top: int) -> None:
+        self.name, self._system, self.memory, self._scene, self._top = name, system, memory, scene, top
         self._config, self._loaded = pipeline_of(system), loaded
         self._models = loaded.models(self._config)
         self._asker: Asker | None = None
         self._naive: NaiveRag | None = None
+
+    @property
+    def size(self) -> int:
+        """Nodes of the environment."""
+        return len(self._scene.topomap)
 
     def fingerprint(self, line: QueryLine) -> str:
         """Of all that determines the prediction for a line."""
@@ -89,7 +126,7 @@ class Asked:
         used = self._config.model_dump_json(include={"retrieve", "answer", "backend"})
         naive = "" if self._system.naive is None else self._system.naive.model_dump_json()
         models = json.dumps(identities(self._models), sort_keys=True)
-        return content_hash(str(ANSWERING), self._made.key, used, naive, models, str(self._top)).hex()
+        return content_hash(str(ANSWERING), self.memory.key, used, naive, models, str(self._top)).hex()
 
     def predict(self, posed: Posed, mode: Mode, line: QueryLine, first: bool) -> Prediction:
         """The prediction; one that cannot be made has `error` and no answers."""
@@ -101,22 +138,31 @@ class Asked:
             found = self._ask(line) if self._naive is None else self._ask_naive(self._naive, line)
         except (InputError, BadModelOutput) as error:
             found = {"error": error.line()}
-        seconds = time.perf_counter() - start
-        base: dict[str, Any] = {
+        found["seconds"] = time.perf_counter() - start
+        found["tokens_in"], found["tokens_out"] = ledger.tokens_in.total() - read, ledger.tokens_out.total() - wrote
+        return self._prediction(found, posed, mode, line, first)
+
+    def adopted(self, known: Prediction, posed: Posed, mode: Mode, line: QueryLine, first: bool) -> Prediction:
+        """The same answer from another experiment; what its places are held against is this experiment's."""
+        found = known.model_dump(include={*ANSWER})
+        found["nodes"] = [hit.model_dump(include={*_SCORES}) for hit in known.hits]
+        return self._prediction(found, posed, mode, line, first)
+
+    def _prediction(self, found: dict[str, Any], posed: Posed, mode: Mode, line: QueryLine, first: bool) -> Prediction:
+        base = {
             "system": self.name, "data": posed.data, "environment": posed.environment, "id": posed.question.id,
-            "mode": mode, "first": first, "fingerprint": self.fingerprint(line), "seconds": seconds,
-            "tokens_in": ledger.tokens_in.total() - read, "tokens_out": ledger.tokens_out.total() - wrote,
+            "mode": mode, "first": first, "fingerprint": self.fingerprint(line),
         }  # fmt: skip
         hits = self._measured(found.pop("nodes", []), posed)
         return Prediction.model_validate({**base, **found, "hits": hits})
 
     def release(self) -> None:
-        """Let go of the memory; the models stay loaded for the next one."""
+        """Let go of what was made for this system; models and memories stay loaded for the next one."""
         self._asker = self._naive = None
 
     def _load(self) -> None:
         if self._asker is None:
-            self._asker = Asker(self._made.path, self._config, self._loaded.store, self._models)
+            self._asker = self._loaded.asker(self.memory, self._config)
             if self._system.naive is None:
                 self._asker.warm_up("find", "explain")
             else:
@@ -182,9 +228,7 @@ def _told(result: Result) -> dict[str, Any]:
 
 
 def _hit(hit: Hit) -> dict[str, Any]:
-    return {
-        "node": hit.node, "score": hit.score, "semantic": hit.semantic, "spatial": hit.spatial, "sensor": hit.sensor
-    }  # fmt: skip
+    return {name: getattr(hit, name) for name in _SCORES}
 
 
 def _positive(calls: Mapping[str, int]) -> dict[str, int]:

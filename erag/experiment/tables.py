@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from erag.evaluate.statistics import (
     Comparison,
@@ -49,10 +49,16 @@ class Table:
 
 @dataclass(frozen=True)
 class Choices:
-    """How tables are made: systems in the order of rows, which of them are flat, and over what intervals are taken."""
+    """How tables are made: systems in the order of rows, and over what intervals are taken.
+
+    `flat` are the flat baselines, `ours` the systems of this project with the default first, `counterparts` what
+    systems stand for among those of the paper.
+    """
 
     systems: Sequence[str]
     flat: frozenset[str]
+    ours: Sequence[str] = ()
+    counterparts: Mapping[str, str] = field(default_factory=dict)
     by_environment: bool = False
     seed: int = 0
 
@@ -60,11 +66,15 @@ class Choices:
 Values = dict[QuestionKey, float]
 
 
+def sign(metric: str) -> float:
+    """1 for a metric of which more is better, -1 for one of which less is."""
+    return -1.0 if metric.startswith(LOWER) else 1.0
+
+
 def table(config: TableConfig, data: str, scores: Sequence[Scored], choices: Choices) -> Table:
     """The table of a data set: the paper's rows first, then the systems; a column's tests where it has two systems."""
     names = [n for n in choices.systems if not config.systems or n in config.systems]
-    inside = [s for s in scores if s.prediction.data == data and s.prediction.system in names]
-    found = [_column(column, inside) for column in config.columns]
+    found = columns_of(config, data, scores, choices)
     rows: dict[str, tuple[Cell | None, ...]] = {}
     for name in dict.fromkeys(n for column in config.columns for n in column.printed):
         cells = (Cell(c.printed[name]) if name in c.printed else None for c in config.columns)
@@ -73,8 +83,18 @@ def table(config: TableConfig, data: str, scores: Sequence[Scored], choices: Cho
         cells_of = tuple(_cell(column.get(name, {}), choices) for column in found)
         if any(cells_of):
             rows[name] = cells_of
-    tests = {c.title: compared(values, c.metric, choices) for c, values in zip(config.columns, found, strict=True)}
+    tests = {
+        c.title: compared(values, c.metric, choices, config.against)
+        for c, values in zip(config.columns, found, strict=True)
+    }
     return Table(config.title, data, config.columns, rows, {title: made for title, made in tests.items() if made})
+
+
+def columns_of(config: TableConfig, data: str, scores: Sequence[Scored], choices: Choices) -> list[dict[str, Values]]:
+    """For each column of a table its values on a data set, by system and question."""
+    names = {n for n in choices.systems if not config.systems or n in config.systems}
+    inside = [s for s in scores if s.prediction.data == data and s.prediction.system in names]
+    return [_column(column, inside) for column in config.columns]
 
 
 def _column(column: ColumnConfig, scores: Sequence[Scored]) -> dict[str, Values]:
@@ -99,39 +119,31 @@ def _cell(values: Values, choices: Choices) -> Cell | None:
     return Cell(interval.mean, interval, len(known))
 
 
-def compared(column: Mapping[str, Values], metric: str, choices: Choices) -> tuple[Comparison, ...]:
-    """Every system against the best flat baseline of the column, on the questions both were asked; Holm over all.
+def compared(column: Mapping[str, Values], metric: str, choices: Choices, against: str = "") -> tuple[Comparison, ...]:
+    """Every system against one, or the column's best flat baseline, on the questions both were asked; Holm over all.
 
     The best is the one with the best mean on the questions it was asked, which favours the baselines. A metric that
     needs an answer is not compared: its questions are not the same.
     """
-    flat = [name for name in column if name in choices.flat and column[name]]
+    flat = [name for name in column if (name == against if against else name in choices.flat) and column[name]]
     if not flat or metric in OPEN:
         return ()
-    sign = -1.0 if metric.startswith(LOWER) else 1.0
-    best = max(flat, key=lambda name: sign * sum(column[name].values()) / len(column[name]))
-    shared = {n: [k for k in column[n] if k in column[best]] for n in choices.systems if n in column and n != best}
-    paired = {n: ([column[n][k] for k in keys], [column[best][k] for k in keys]) for n, keys in shared.items() if keys}
-    groups = {n: [_place(k) for k in keys] if choices.by_environment else None for n, keys in shared.items()}
-    p = {n: permutation_test(a, b, groups[n], seed=choices.seed) for n, (a, b) in paired.items()}
-    adjusted = holm(p)
-    return tuple(_comparison(n, best, *paired[n], groups[n], p[n], adjusted[n], choices.seed) for n in paired)
+    best = max(flat, key=lambda name: sign(metric) * sum(column[name].values()) / len(column[name]))
+    others = [n for n in choices.systems if n in column and n != best and any(k in column[best] for k in column[n])]
+    tests = {name: paired(name, best, column, choices) for name in others}
+    adjusted = holm({name: test.p for name, test in tests.items()})
+    return tuple(replace(test, adjusted=adjusted[name]) for name, test in tests.items())
 
 
-def _comparison(
-    name: str,
-    best: str,
-    system: Sequence[float],
-    baseline: Sequence[float],
-    groups: Sequence[str] | None,
-    p: float,
-    adjusted: float,
-    seed: int,
-) -> Comparison:
-    wins = sum(a > b for a, b in zip(system, baseline, strict=True))
-    losses = sum(a < b for a, b in zip(system, baseline, strict=True))
-    interval = paired_bootstrap(system, baseline, groups, seed=seed)
-    return Comparison(name, best, interval, p, adjusted, wins, len(system) - wins - losses, losses)
+def paired(system: str, baseline: str, column: Mapping[str, Values], choices: Choices) -> Comparison:
+    """One system against another on the questions both were asked (one at least), before any correction."""
+    keys = [key for key in column[system] if key in column[baseline]]
+    a, b = [column[system][k] for k in keys], [column[baseline][k] for k in keys]
+    groups = [_place(k) for k in keys] if choices.by_environment else None
+    p = permutation_test(a, b, groups, seed=choices.seed)
+    wins, losses = (sum(x > y for x, y in zip(*pair, strict=True)) for pair in ((a, b), (b, a)))
+    interval = paired_bootstrap(a, b, groups, seed=choices.seed)
+    return Comparison(system, baseline, interval, p, p, wins, len(keys) - wins - losses, losses)
 
 
 def _place(key: QuestionKey) -> str:

@@ -39,12 +39,20 @@ from erag.topomap.routes import Router
 class Asker:
     """A memory that answers: its corpus, retriever, routes and models, loaded once.
 
-    `models` are those of another asker of the same `config.backend`, so that several memories share what is loaded.
+    `models` are those of another asker of the same `config.backend`, so that several memories share what is loaded;
+    `built` is the memory where it was loaded before.
     """
 
-    def __init__(self, path: Path, config: PipelineConfig, store: ModelStore, models: Metered | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        config: PipelineConfig,
+        store: ModelStore,
+        models: Metered | None = None,
+        built: Built | None = None,
+    ) -> None:
         self.path, self._config = path, config
-        built = load(path)
+        built = built or load(path)
         self.models = models or metered(config, store)
         self.ledger, self._backend = self.models.ledger, self.models
         self._warm: set[str] = set()

@@ -13,11 +13,12 @@ from erag.evaluate.datasets.catalogue import load_dataset
 from erag.evaluate.scene import Scene
 from erag.experiment.config import DataConfig, ExperimentConfig, SystemConfig
 from erag.experiment.questions import Posed, chosen, modes_of, posed, record_of
+from erag.experiment.reading import read_experiment
 from erag.experiment.sources import environments, prepared
-from erag.experiment.sweep import swept
+from erag.experiment.sweep import resolved
 from erag.experiment.systems import pipeline_of
 from erag.lm.weights import default_store
-from erag.pipeline.config import PipelineConfig, configs_dir, read_yaml, validate
+from erag.pipeline.config import PipelineConfig, configs_dir
 from erag.topomap.build import build_map
 
 
@@ -66,6 +67,7 @@ def test_samples_are_nested_seeded_and_spread(scene: Scene, tmp_path: Path) -> N
     assert sum(q.environment == "elsewhere" for q in explicit) == 4
     assert chosen(everything, SystemConfig(), seed=0) == everything
     assert chosen(everything, SystemConfig(data=("none",)), seed=0) == []
+    assert {q.environment for q in chosen(everything, SystemConfig(environments="elsewhere"), seed=0)} == {"elsewhere"}
     assert {s for q in chosen(everything, SystemConfig(sets=("global",)), seed=0) for s in q.sets} == {"global"}
 
 
@@ -116,11 +118,30 @@ def test_environments_that_are_not_there_are_named() -> None:
 
 @pytest.mark.parametrize("path", sorted((configs_dir() / "paper").glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_shipped_experiment_can_be_read(path: Path) -> None:
-    made = swept(validate(ExperimentConfig, read_yaml(path), str(path)))
+    made = resolved(read_experiment(path))
     assert path.read_text().startswith(f"# erag run --config configs/paper/{path.name}\n")
     for system in made.systems.values():
         pipeline_of(system)
     assert made.data
+
+
+def test_a_shared_panel_is_a_file_and_can_be_overridden(tmp_path: Path) -> None:
+    (tmp_path / "panel.yaml").write_text("{judges: {words: {kind: words}}, reads: lists, fit: true}")
+    panel = "{from: panel.yaml, fit: false}"
+    rest = "data: {d: {dataset: sample}}, sets: {s: {}}"
+    (tmp_path / "run.yaml").write_text(f"{{title: T, panel: {panel}, {rest}}}")
+    made = read_experiment(tmp_path / "run.yaml", ["panel.reads=all"])
+    assert (list(made.panel.judges), made.panel.reads, made.panel.fit) == (["words"], "all", False)
+
+
+def test_what_holds_for_every_system_is_written_into_each(tmp_path: Path) -> None:
+    sweep = {"axes": {"k": {"path": "retrieve.retriever.branches", "values": [1]}}}
+    made = resolved(config(tmp_path, overrides=["answer.facts=1"], sweep=sweep))
+    assert all("answer.facts=1" in system.overrides for system in made.systems.values())
+    assert "k = 1" in made.systems
+    assert resolved(made) == made
+    plain, whatever = (pipeline_of(SystemConfig(refuses=refuses)).answer for refuses in (True, False))
+    assert (plain.least_probability, whatever.least_probability) == (0.2, 0)
 
 
 def test_configurations_that_cannot_be_are_refused(tmp_path: Path) -> None:
@@ -132,10 +153,11 @@ def test_configurations_that_cannot_be_are_refused(tmp_path: Path) -> None:
         {"panel": {"judges": {"m": {"kind": "model"}}}},
         {"panel": {"judges": {"w": {"kind": "words", "expanded": "model"}}}},
         {"panel": {"probability": "stack"}},
+        {"tables": [{"title": "T", "columns": [], "against": "none"}]},
     ]
     for changes in bad:
         with pytest.raises(ValueError):
             config(tmp_path, **changes)
     sweep = {"axes": {"k": {"path": "retrieve.retriever.branches", "values": [1]}}, "grid": [["k", "x"]]}
     with pytest.raises(ConfigError, match="no axis 'x'"):
-        swept(config(tmp_path, sweep=sweep))
+        resolved(config(tmp_path, sweep=sweep))

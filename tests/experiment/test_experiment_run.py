@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import signal
 import subprocess
@@ -17,7 +18,8 @@ from experiment_worlds import BM25, FAKE, NEVER, config, ran, raw
 from erag.core.errors import ConfigError, InputError
 from erag.evaluate.judges.agreement import auc
 from erag.experiment.agreement import AgreementRow, TriedPair
-from erag.experiment.config import ExperimentConfig
+from erag.experiment.config import ExperimentConfig, TripsConfig
+from erag.experiment.driving import Driven
 from erag.experiment.join import join
 from erag.experiment.predictions import read_predictions, read_records
 from erag.experiment.questions import QuestionRecord
@@ -60,7 +62,13 @@ def test_a_run_leaves_answers_tables_and_where_they_come_from(done: Path) -> Non
     assert all(p.error is None for p in predictions)
     assert all(h.metres is not None for p in predictions for h in p.hits)
     page = (done / "README.md").read_text()
-    for section in ("## Table: campus", "## Tests", "## The panel against labels", "## What answers cost", "revision"):
+    for section in (
+        "## Table: campus",
+        "### Tests",
+        "## The panel against labels",
+        "### What answers cost",
+        "revision",
+    ):
         assert section in page
     assert "| Embodied-RAG (paper) | – | 0.55 | – | – |" in page
     facts = json.loads((done / "run.json").read_text())
@@ -76,7 +84,7 @@ def test_nothing_is_asked_twice(work: Path, done: Path) -> None:
 
 
 def test_the_same_configuration_gives_the_same_numbers(work: Path, done: Path, tmp_path: Path) -> None:
-    ran(config(tmp_path / "work"), tmp_path / "again")
+    assert ran(config(tmp_path / "work"), tmp_path / "again").taken_over == 0
     assert answers(tmp_path / "again") == answers(done)
     assert figures(tmp_path / "again") == figures(done)
 
@@ -85,7 +93,8 @@ DOOMED = """
 import os, signal, sys, yaml
 from pathlib import Path
 from erag.experiment import predictions
-from erag.experiment.config import ExperimentConfig
+from erag.experiment.config import ExperimentConfig, TripsConfig
+from erag.experiment.driving import Driven
 from erag.experiment.run import Experiment
 from erag.lm.weights import default_store
 
@@ -132,6 +141,37 @@ def test_another_configuration_is_asked_anew_and_the_old_answers_are_kept_aside(
     assert ran(config(work, systems=changed), tmp_path / "run", again=("a",)).asked_now == first.asked_now - asked
     with pytest.raises(ConfigError, match="no system 'c'"):
         ran(config(work, systems=changed), tmp_path / "run", again=("c",))
+
+
+def test_what_another_experiment_asked_is_taken_over(work: Path, done: Path, tmp_path: Path) -> None:
+    systems = raw(work)["systems"]
+    renamed = {"the same tree": systems["tree"], "another": {"overrides": [FAKE, NEVER, BM25, "answer.facts=1"]}}
+    experiment = ran(config(work, systems=renamed, seed=1), tmp_path / "run")
+    found = read_predictions(tmp_path / "run" / "predictions.jsonl")
+    drawn = {q.id for q in read_records(done / "questions.jsonl", QuestionRecord) if q.drawn}
+    before = {(p.id, p.mode): p for p in read_predictions(done / "predictions.jsonl") if p.system == "tree"}
+    same = [p for p in found if p.system == "the same tree" and (p.id, p.mode) in before]
+    taken = [p for p in same if p.mode == "Q" or p.id not in drawn]  # another seed draws other places
+    assert taken
+    assert experiment.taken_over >= len(taken)
+    for one in taken:
+        known = before[one.id, one.mode]
+        assert one.seconds == known.seconds  # it was not asked again
+        assert [h.node for h in one.hits] == [h.node for h in known.hits]
+    assert any(one.hits[0].metres != before[one.id, "Q"].hits[0].metres for one in taken if one.id in drawn)
+    asked = ran(config(work, systems=renamed, seed=1), tmp_path / "run", again=("the same tree",)).asked_now
+    assert asked == sum(p.system == "the same tree" for p in found)
+
+
+def test_how_long_a_run_takes_is_told_before_it_starts(work: Path, tmp_path: Path) -> None:
+    systems = {"new": {"overrides": [FAKE, NEVER, BM25, "answer.facts=2"]}}
+    before = Experiment(config(work, systems=systems), tmp_path / "run", default_store()).estimate()
+    assert [(one.what, one.seconds) for one in before] == [("new", None), ("answers to judge", None)]
+    ran(config(work, systems=systems), tmp_path / "run")
+    assert Experiment(config(work, systems=systems), tmp_path / "run", default_store()).estimate() == []
+    fresh = Experiment(config(tmp_path / "work", systems=systems), tmp_path / "other", default_store()).estimate()
+    assert [one.what for one in fresh] == ["new", "memories to build", "answers to judge"]
+    assert all(one.seconds is not None and one.seconds > 0 for one in fresh)
 
 
 def test_tables_come_from_the_files_of_the_run_alone(work: Path, tmp_path: Path) -> None:
@@ -196,6 +236,22 @@ def test_capabilities_are_read_off_a_run(work: Path, tmp_path: Path) -> None:
     assert "3 of 3" in nearest  # the fourth asks for a time
 
 
+def test_a_robot_drives_to_what_was_answered(work: Path, tmp_path: Path) -> None:
+    columns = [{"title": "there", "set": "explicit", "metric": "arrived", "mode": "Q,L"},
+               {"title": "both", "set": "explicit", "metric": "arrived_right", "mode": "Q,L"}]  # fmt: skip
+    systems = {"words": {"overrides": [FAKE, NEVER, BM25]}}
+    made = config(work, systems=systems, tables=[{"title": "Trips", "columns": columns}], trips={"blocked": 0})
+    ran(made, tmp_path / "run")
+    trips = read_records(tmp_path / "run" / "trips.jsonl", Driven)
+    assert {t.mode for t in trips} == {"Q,L"}
+    there, both = (next(c["mean"] for c in figures(tmp_path / "run") if c["column"] == n) for n in ("there", "both"))
+    assert there == pytest.approx(sum(t.status == "arrived" for t in trips) / len(trips))
+    assert 0 < both <= there
+    ran(made.model_copy(update={"trips": TripsConfig(blocked=1.0)}), tmp_path / "run")
+    stuck = read_records(tmp_path / "run" / "trips.jsonl", Driven)
+    assert sum(t.status == "arrived" for t in stuck) < sum(t.status == "arrived" for t in trips)
+
+
 def test_a_sweep_is_a_system_a_value_and_has_curves(work: Path, tmp_path: Path) -> None:
     sweep = {
         "base": {"overrides": [FAKE, NEVER]},
@@ -236,6 +292,24 @@ def test_agreement_can_be_computed_again_from_the_pairs_that_were_tried(done: Pa
     assert any(p.place is None for p in pairs)
 
 
+def test_what_was_answered_is_a_trial_of_the_panel(done: Path) -> None:
+    rows = list(csv.DictReader((done / "agreement.csv").open()))
+    row = next(r for r in rows if (r["over"], r["judge"]) == ("answered", "words"))
+    judged = [json.loads(line) for line in (done / "votes.jsonl").read_text().splitlines()]
+    labelled = {q.id for q in read_records(done / "questions.jsonl", QuestionRecord) if q.relevant}
+    cast = [v for v in judged if v["id"] in labelled and "words" in v["votes"]]
+    assert (int(row["pairs"]), int(row["right"])) == (len(cast), sum(v["relevant"] for v in cast))
+
+
+def test_other_judges_leave_out_what_a_system_shares_with_them(work: Path, tmp_path: Path) -> None:
+    systems = {"words": {"overrides": [FAKE, NEVER, BM25]}}
+    ran(config(work, systems=systems), tmp_path / "run")
+    rows = list(csv.DictReader((tmp_path / "run" / "sensitivity-campus.csv").open()))
+    assert {"all judges", "without its own", "without the run's (model, vectors)"} <= set(rows[0])
+    for row in rows:
+        assert row["without its own"] == row["without the run's (model, vectors)"]
+
+
 def test_a_place_is_drawn_once_for_all_systems(done: Path) -> None:
     questions = read_records(done / "questions.jsonl", QuestionRecord)
     assert all(q.at is not None for q in questions)
@@ -250,6 +324,6 @@ def test_all_runs_are_joined_on_one_page(work: Path, tmp_path: Path) -> None:
         ran(config(work, systems={"words": {"overrides": [FAKE, NEVER, BM25]}}, title=name.title()), tmp_path / name)
     page = join(tmp_path).read_text()
     assert "* [one](one/README.md): One (revision" in page
-    assert page.count("## Table: campus") == 2
-    assert "](two/" in page
-    assert "## What answers cost" not in page
+    assert page.count("### Table: campus") == 2
+    assert "](two/README.md#details)" in page
+    assert "# What answers cost" not in page
