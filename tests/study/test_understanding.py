@@ -197,6 +197,30 @@ def test_no_wish_stands_among_the_development_queries(shared: Path) -> None:
     assert not said & {" ".join(words(json.loads(line).get("query", ""))) for line in lines}
 
 
+@pytest.mark.shared
+def test_wishes_resemble_those_they_are_measured_on_no_more_than_the_guide_says(
+    shared: Path, weights: ModelStore
+) -> None:
+    """Cosines by MiniLM of each need's wish to the nearest query (docs/students.md#understanding-queries)."""
+    from erag.lm.sentence import SentenceConfig, SentenceEmbedder
+    from erag.sim.queries import wishes as simulated
+
+    embedder = SentenceEmbedder(SentenceConfig(dtype="float32"), weights)
+    own = wishes(2, 0)
+    vectors = embedder.embed([wish for _, wish in own], "document")
+    lines = (shared / "queries" / "dev.jsonl").read_text().splitlines()
+    for texts, median, highest in (
+        ([json.loads(line)["query"] for line in lines], 0.45, 0.88),
+        ([text for wish in simulated() for text in wish.say], 0.51, 0.89),
+    ):
+        cosines = (vectors @ embedder.embed(texts, "document").T).max(axis=1)
+        nearest: dict[int, float] = {}
+        for (need, _), cosine in zip(own, cosines, strict=True):
+            nearest[need] = max(nearest.get(need, -1.0), float(cosine))
+        assert np.median(list(nearest.values())) < median
+        assert max(nearest.values()) < highest
+
+
 def test_things_alike_are_one_and_a_broken_header_is_refused(
     done: tuple[UnderstandingDistil, Report], store: ModelStore
 ) -> None:
