@@ -9,7 +9,7 @@ import numpy as np
 
 from erag.core.progress import Progress, quiet
 from erag.core.types import IntArray
-from erag.evaluate.statistics import bootstrap
+from erag.evaluate.statistics import Interval, bootstrap
 from erag.lm.offline import go_offline
 from erag.lm.roles import Vectors
 from erag.lm.sentence import SentenceEmbedder
@@ -35,8 +35,9 @@ def run(config: VectorStudy, store: ModelStore, progress: Progress = quiet) -> R
         found = [way.nearest(query, _FOUND) for query in queries]
         exact = exact or found  # the first way is float32
         again = [len(np.intersect1d(f, e)) / len(e) for f, e in zip(found, exact, strict=True)]
-        milliseconds = _milliseconds(way, queries, config.repeats)
-        values = {EACH: way.bytes / len(nodes), TIME: milliseconds, AGAIN: bootstrap(again)}
+        values: dict[str, float | Interval] = {
+            EACH: way.bytes / len(nodes), TIME: _milliseconds(way, queries, config.repeats), AGAIN: bootstrap(again)
+        }  # fmt: skip
         measured.append(Way.of(name, values, found, data))
     progress("ways", len(ways), len(ways))
     told = f"{about(config, data)} One vector a node."
