@@ -65,11 +65,11 @@ def run(config: LocationBench, store: ModelStore, progress: Progress = quiet) ->
             posed = list(_posed(world, asker, config.seed))
             found += _firsts(f"{weight:g}", asker, posed)
         found += _nearest(asker, posed)
-    for weight, kind in dict.fromkeys((f.weight, f.kind) for f in found):
-        some = [f for f in found if (f.weight, f.kind) == (weight, kind)]
+    for asked in dict.fromkeys((f.weight, f.kind) for f in found):
+        some = [f for f in found if (f.weight, f.kind) == asked]
         right, path = [f.right for f in some], [f.path for f in some]
         near = [r * nearness(p, 1.0) for r, p in zip(right, path, strict=True)]
-        yield LocationScore(weight, kind, len(some), bootstrap(right), bootstrap(path), bootstrap(near))
+        yield LocationScore(*asked, len(some), bootstrap(right), bootstrap(path), bootstrap(near))
 
 
 def _posed(world: LabelledWorld, asker: Asker, seed: int) -> Iterator[_Posed]:
