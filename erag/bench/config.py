@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, RootModel
 from erag.lm.config import LlamaCppRoles, ModelConfig, TorchLMRoles
 from erag.lm.sentence import SentenceConfig
 from erag.pipeline.config import PipelineConfig
+from erag.retrieve.config import FlatConfig, NodeConfig, Share
 
 TextEngine = Annotated[LlamaCppRoles | TorchLMRoles, Field(discriminator="kind")]
 Count = Annotated[int, Field(ge=1)]
@@ -37,6 +38,17 @@ class MemoryBench(_Bench):
     pipeline: PipelineConfig = PipelineConfig()
 
 
+class WorldsConfig(_Bench):
+    """Simulated worlds below `root`, as `erag sim build` or `erag distil` writes them, of one `split`.
+
+    Their memories are kept in `folder`, with the captions of the ground truth.
+    """
+
+    root: Path
+    split: Literal["train", "dev", "test"] = "train"
+    folder: Path = MEMORIES / "worlds"
+
+
 class RetrievalBench(MemoryBench):
     """Retrievers compared on labelled queries.
 
@@ -53,15 +65,18 @@ class RetrievalBench(MemoryBench):
 class SelectionBench(MemoryBench):
     """Selectors compared on decisions among `cards` node texts, one of which answers a labelled query.
 
-    Each labelled query gives `rounds` decisions. `selectors` are language models that play the select role.
+    Each labelled query gives `rounds` decisions: those of `queries` over `source`, or the find queries of simulated
+    `worlds`. `scores` are flat retrievers that choose by their score, `selectors` models that play the select role.
     """
 
     kind: Literal["selection"]
     queries: str = "sample"
+    worlds: WorldsConfig | None = None
     cards: Annotated[int, Field(ge=2, le=20)] = 5
     rounds: Count = 2
     seed: int = 0
-    selectors: dict[str, TextEngine]
+    scores: dict[str, FlatConfig] = {"cosine": NodeConfig()}
+    selectors: dict[str, ModelConfig]
 
 
 class AnswersBench(MemoryBench):
@@ -169,6 +184,21 @@ class ScalingBench(_Bench):
     pipeline: PipelineConfig = PipelineConfig()
 
 
+class LocationBench(_Bench):
+    """How often the first hit is right and how far it is, for `weights` of location (`retrieve.alpha_rank`).
+
+    The find queries of simulated `worlds` are asked from where they say, else from a node drawn by the seed. The plot
+    is written to `plot`.
+    """
+
+    kind: Literal["location"]
+    worlds: WorldsConfig
+    weights: Annotated[tuple[Share, ...], Field(min_length=1)]
+    seed: int = 0
+    plot: Path = Path("experiments/bench-location/location.png")
+    pipeline: PipelineConfig = PipelineConfig()
+
+
 AnyBench = (
     AwareBench
     | RetrievalBench
@@ -179,6 +209,7 @@ AnyBench = (
     | ClusteringBench
     | CaptionsBench
     | ScalingBench
+    | LocationBench
 )
 
 

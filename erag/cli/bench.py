@@ -66,9 +66,9 @@ def _selection(config: kinds.SelectionBench) -> None:
         rows = list(run(config, default_store(), progress))
     show.out(f"{rows[0].decisions} decisions among {config.cards} cards; chance {1 / config.cards:.2f}")
     show.table(
-        ("selector", "right", "diverted by an order", "ms a decision"),
-        [(s.selector, s.right, s.diverted, f"{s.seconds * 1000:.0f}") for s in rows],
-        right=("ms a decision",),
+        ("selector", "right", "diverted by an order", "s a decision", "prompts", "tokens read"),
+        [(s.selector, s.right, s.diverted, f"{s.seconds:.4f}", f"{s.prompts:.1f}", f"{s.tokens:,.0f}") for s in rows],
+        right=("s a decision", "prompts", "tokens read"),
     )
 
 
@@ -150,6 +150,20 @@ def _scaling(config: kinds.ScalingBench) -> None:
     show.out(f"plot: {config.plot}" if plotted(rows, config.plot) else "no plot: matplotlib is not installed")
 
 
+def _location(config: kinds.LocationBench) -> None:
+    from erag.bench.location import plotted, run
+    from erag.lm.weights import default_store
+
+    with show.progress_bars() as progress:
+        rows = list(run(config, default_store(), progress))
+    show.table(
+        ("weight of location", "kind", "n", "P@1", "way / R", "P·NI"),
+        [(s.weight, s.kind, s.questions, s.right, s.path, s.near) for s in rows],
+        right=("n",),
+    )
+    show.out(f"plot: {config.plot}" if plotted(rows, config.plot) else "no plot: matplotlib is not installed")
+
+
 def _captions(config: kinds.CaptionsBench) -> None:
     from erag.bench.captions import run
     from erag.lm.weights import default_store
@@ -184,4 +198,5 @@ _RUN: Mapping[str, Callable[[Any], None]] = {
     "clustering": _clustering,
     "captions": _captions,
     "scaling": _scaling,
+    "location": _location,
 }

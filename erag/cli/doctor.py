@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import socket
 from importlib.metadata import PackageNotFoundError, version
@@ -13,6 +12,7 @@ import typer
 
 from erag.cli import show
 from erag.cli.options import AsJson
+from erag.core.cores import cores
 
 LIBRARIES = ("torch", "tokenizers", "safetensors", "gguf", "Jinja2", "sentence-transformers", "transformers", "bm25s")
 
@@ -40,7 +40,7 @@ def _machine() -> dict[str, str]:
     why = "multiplied in hardware" if chip.fast_bf16 else "no bf16 in hardware"
     extensions = ", ".join(known) or "no known extensions"
     return {
-        "cpu": f"{chip.name} ({chip.architecture}), {os.cpu_count()} cores, {extensions}",
+        "cpu": f"{chip.name} ({chip.architecture}), {cores()} cores, {extensions}",
         "precision": f"{choose_dtype('auto')} ({why})",
         "memory": _memory(),
         "disk": f"{shutil.disk_usage(Path.cwd()).free / 1e9:.0f} GB free here",

@@ -36,6 +36,12 @@ def query(
     now: Annotated[
         str | None, typer.Option(metavar="T", help="what times are relative to; else the newest view")
     ] = None,
+    prefer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="near|balanced|best|0..1", help="with a position: the nearest that will do … the best anywhere"
+        ),
+    ] = None,
     top: Annotated[int, typer.Option(min=1, help="how many hits")] = 5,
     kind: Annotated[str | None, typer.Option(help="find or explain; decided by the system when absent")] = None,
     json_: AsJson = False,
@@ -53,8 +59,9 @@ def query(
 
     one = {"TEXT": text, "--at": at, "--at-node": at_node, "--sensor": sensor, "--since": since, "--until": until,
            "--hours": hours, "--now": now}  # fmt: skip
+    weight = _weight(prefer, located=bool(at or at_node or queries))
     _fit({**one, "--kind": kind, "--json": json_ or None} if queries else {"--where": where, "--out": out}, queries)
-    asker = Asker(memory, load_config(preset, config, overrides or ()), default_store())
+    asker = Asker(memory, load_config(preset, config, [*weight, *(overrides or ())]), default_store())
     if queries is not None:
         _many(asker, queries, _pairs(where or (), "--where"), top, out)
         return
@@ -71,6 +78,25 @@ def _fit(others: Mapping[str, object], queries: Path | None) -> None:
     if stray:
         allowed = "the conditions each line states" if queries else "with --queries Q.jsonl"
         raise ConfigError(f"{' and '.join(stray)} {'with' if queries else 'without'} --queries", allowed=allowed)
+
+
+def _weight(prefer: str | None, located: bool) -> list[str]:
+    """The override that a preference asks for: none for `balanced`, which is what the configuration says."""
+    from erag.core.errors import ConfigError
+    from erag.retrieve.config import PREFERENCES
+
+    if prefer is not None and not located:
+        raise ConfigError("--prefer without a position", allowed="with --at or --at-node, or with --queries")
+    if prefer in (None, "balanced"):
+        return []
+    try:
+        weight = PREFERENCES[prefer] if prefer in PREFERENCES else float(prefer)
+    except ValueError:
+        weight = -1.0
+    if not 0 <= weight <= 1:
+        allowed = f"{', '.join((*PREFERENCES, 'balanced'))}, or a number from 0 (best anywhere) to 1 (nearest)"
+        raise ConfigError(f"{prefer!r}", where="--prefer", allowed=allowed)
+    return [f"retrieve.alpha_rank={weight:g}"]
 
 
 def _one(asker: Asker, raw: Mapping[str, object], wishes: Mapping[str, SensorWish], top: int, as_json: bool) -> None:

@@ -9,6 +9,7 @@ import typer
 
 from erag.cli import show
 from erag.cli.options import image_size
+from erag.core.cores import cores
 
 app = typer.Typer(help="Simulated worlds with images, sensors, exact labels and queries.", no_args_is_help=True)
 
@@ -28,7 +29,6 @@ def build(
     from erag.sim.extra import require
 
     require()
-    from erag.sim.crew import cores
     from erag.sim.dataset import Plan
     from erag.sim.dataset import build as build_dataset
 

@@ -1,24 +1,26 @@
-"""One backend in one trial, in a process of its own: what it said, how long it took, how much memory it needed."""
+"""One backend or system in one trial, in a process of its own: what it said, how long it took, how much memory."""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, cast
-
-from pydantic import BaseModel
+from typing import Any, TypeVar, cast
 
 from erag.bench.memory import peak_mb
-from erag.compare.config import ROLE_OF, BackendSpec, CompareConfig
+from erag.compare.config import ROLE_OF, BackendSpec, CompareConfig, MemoriesTrial
 from erag.compare.cosine import Cosine
-from erag.compare.trial import Trial
-from erag.core.errors import EragError
+from erag.compare.sizes import model_mb
+from erag.compare.trial import Asked, RoleTrial, Taken
+from erag.compare.trials import memories_of, role_trial_of
+from erag.compare.whole import Built, System
+from erag.core.errors import EragError, ModelError
 from erag.core.output import replacing
 from erag.core.text import content_hash
 from erag.lm.compose import compose
@@ -29,16 +31,19 @@ from erag.lm.offline import forbid_network
 from erag.lm.roles import Embedder, LMBackend, RoleName, Roles
 from erag.lm.weights import ModelStore, default_store
 
-RULES = 1  # raised when the same configuration would be measured differently
+RULES = 2  # raised when the same configuration would be measured differently
 _KEY = "asked"
+Out = TypeVar("Out")
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Outputs of a backend on the items of a trial, and what they took.
+    """Outputs of a backend or a system on the items of a trial, and what they took.
 
-    `seconds` are those spent in the model for all items, loading (`load_seconds`, with the first item) apart; `base_mb`
-    is the process before the model, `peak_mb` its largest resident size. With an `error` there are no outputs.
+    `seconds` are those of all items, in the model (of a system: of whole queries), loading (`load_seconds`, with a
+    first item) apart; `base_mb` is the process before the model, `peak_mb` its largest resident size, `file_mb` the
+    files that have to be there. A system's memories took `build_seconds`, and `peak_mb` is the larger one of building
+    and asking. With an `error` there are no outputs.
     """
 
     trial: str
@@ -47,8 +52,10 @@ class Cell:
     outputs: list[Any] = field(default_factory=list, repr=False)
     seconds: float = 0.0
     load_seconds: float = 0.0
+    build_seconds: float = 0.0
     base_mb: float = 0.0
     peak_mb: float = 0.0
+    file_mb: float | None = None
     tokens_in: int = 0
     tokens_out: int = 0
     cost: float = 0.0
@@ -58,7 +65,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What a process is to measure; everything in it can be sent to one."""
+    """What a process is to measure; everything in it can be sent to one. `backend` may name a system."""
 
     trial: str
     backend: str
@@ -74,24 +81,36 @@ class Job:
     def spec(self) -> BackendSpec:
         return self.config.backends[self.backend]
 
+    @property
+    def whole(self) -> bool:
+        """Whether a system is asked."""
+        return isinstance(self.config.trials[self.trial], MemoriesTrial)
+
+    def system(self, store: ModelStore) -> System:
+        """The system that is asked, over the environments of the trial."""
+        trial = memories_of(self.config, self.trial)
+        folder = self.config.out / "memories"
+        return System(self.config.systems[self.backend], trial.environments, folder, store, trial.given)
+
     def digest(self, store: ModelStore) -> str:
         """Changes when anything does that determines the outputs or the measurement."""
-        trial = self.config.trials[self.trial].model_dump(mode="json", exclude={"backends"})
-        stated = {
-            "rules": RULES, "trial": trial, "items": self.items, "threads": self.config.threads,
-            "backend": self.spec.model_dump(mode="json"), "model": built(self.spec, self.role, store)[1],
-        }  # fmt: skip
+        trial = self.config.trials[self.trial].model_dump(mode="json", exclude={"backends", "systems"})
+        stated = {"rules": RULES, "trial": trial, "items": self.items, "threads": self.config.threads}
+        if self.whole:
+            stated |= {"system": self.system(store).fingerprint()}
+        else:
+            backend = self.spec.model_dump(mode="json", exclude_defaults=True)
+            stated |= {"backend": backend, "model": built(self.spec, self.role, store).fingerprint(self.role)}
         return content_hash(json.dumps(stated, sort_keys=True, ensure_ascii=False)).hex()
 
 
-def built(spec: BackendSpec, role: RoleName, store: ModelStore, ledger: Ledger | None = None) -> tuple[LMBackend, str]:
-    """A backend for one role, nothing loaded yet, and its fingerprint. Raises ConfigError where it cannot play it."""
+def built(spec: BackendSpec, role: RoleName, store: ModelStore, ledger: Ledger | None = None) -> LMBackend:
+    """A backend for one role, nothing loaded yet. Raises ConfigError where it cannot play it."""
     models = build_models(BackendConfig(models={_KEY: spec.model}, roles={}), store, ledger)
     if spec.cosine:
         embedder = compose(models, Roles({"embed": _KEY}))
         models = {_KEY: Cosine(models[_KEY], cast(Embedder, embedder))}
-    backend = compose(models, Roles({role: _KEY}))
-    return backend, backend.fingerprint(role)
+    return compose(models, Roles({role: _KEY}))
 
 
 def measured(job: Job, folder: Path, store: ModelStore) -> tuple[Cell, bool]:
@@ -104,10 +123,12 @@ def measured(job: Job, folder: Path, store: ModelStore) -> tuple[Cell, bool]:
     kept = read_cell(path)
     if kept is not None and kept.digest == digest:
         return kept, True
-    cell = _apart(job, digest)
-    if not cell.error:
-        with replacing(path) as file:
-            json.dump(asdict(cell), file, ensure_ascii=False, indent=1)
+    try:
+        cell = _with_memories(job, digest, store) if job.whole else _apart(_measure, job, digest)
+    except EragError as error:
+        return Cell(job.trial, job.backend, digest, error=error.line()), False
+    with replacing(path) as file:
+        json.dump(asdict(cell), file, ensure_ascii=False, indent=1)
     return cell, False
 
 
@@ -120,65 +141,64 @@ def read_cell(path: Path) -> Cell | None:
         return None
 
 
-def model_mb(model: BaseModel, store: ModelStore) -> float | None:
-    """Size of the files of a model, None where it has none here."""
-    known = {m.id for m in store.all()}
-    sizes: list[int] = []
-    for value in (getattr(model, name) for name in type(model).model_fields):
-        if isinstance(value, str) and value in known:
-            sizes.append(store.manifest(value).bytes or 0)
-        elif isinstance(value, Path) and value.is_file():
-            sizes.append(value.stat().st_size)
-        elif isinstance(value, BaseModel):
-            sizes.append(int((model_mb(value, store) or 0) * 1e6))
-    total = sum(sizes)
-    return total / 1e6 if total else None
+def _with_memories(job: Job, digest: str, store: ModelStore) -> Cell:
+    """A system's cell: what is missing of its memories is built first, each in a process of its own."""
+    system = job.system(store)
+    for environment in system.missing():
+        _apart(_build, job, environment.name)
+    return _apart(_measure, job, digest, system.built())
 
 
-def _apart(job: Job, digest: str) -> Cell:
+def _apart(work: Callable[..., Out], job: Job, *more: Any) -> Out:
+    """`work` in a fresh process. Raises EragError with what it raised, ModelError for a process that died."""
     try:
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            return pool.submit(_measure, job, digest).result()
+            return pool.submit(_begun, work, job, *more).result()
     except BrokenProcessPool:
-        return Cell(job.trial, job.backend, digest, error="its process died: out of memory, or a crash in native code")
+        raise ModelError("its process died: out of memory, or a crash in native code") from None
 
 
-def _measure(job: Job, digest: str) -> Cell:
+def _begun(work: Callable[..., Out], job: Job, *more: Any) -> Out:
     if job.config.threads is not None:
         os.environ["OMP_NUM_THREADS"] = str(job.config.threads)  # read by the numeric libraries, not imported yet
     forbid_network()
     try:
-        return _asked(job, digest)
+        return work(job, *more)
     except EragError as error:
-        return Cell(job.trial, job.backend, digest, error=error.line())
+        raise EragError(error.line()) from None  # one that can be sent back, whatever its own kind needs
 
 
-def _asked(job: Job, digest: str) -> Cell:
-    from erag.compare.trials import trial_of
+def _build(job: Job, environment: str) -> None:
+    system = job.system(default_store(job.files))
+    system.build(system.environments[environment])
 
-    store = default_store(job.files)
-    trial = trial_of(job.config, job.trial, store)
-    ledger = Ledger()
-    backend = Metered(built(job.spec, job.role, store, ledger)[0], ledger)
-    base = peak_mb()
-    _warm_up(trial, backend, job.items)
-    before, loading = deepcopy(ledger), ledger.seconds[job.role]
-    outputs = trial.ask(backend, job.items, ledger)
+
+def _measure(job: Job, digest: str, memories: Built | None = None) -> Cell:
+    store, base = default_store(job.files), peak_mb()
+    if memories is not None:
+        system = job.system(store)
+        taken, models = system.ask(job.items), list(system.config.backend.models.values())
+    else:
+        taken, models = _asked(job, role_trial_of(job.config, job.trial, store), store), [job.spec.model]
+    told = memories or Built()
     return Cell(
-        job.trial, job.backend, digest, outputs,
-        seconds=ledger.seconds[job.role] - loading, load_seconds=loading, base_mb=base, peak_mb=peak_mb(),
-        tokens_in=ledger.tokens_in[job.role] - before.tokens_in[job.role],
-        tokens_out=ledger.tokens_out[job.role] - before.tokens_out[job.role],
-        cost=sum(ledger.cost.values()) - sum(before.cost.values()), events=dict(ledger.events - before.events),
+        job.trial, job.backend, digest, base_mb=base, peak_mb=max(peak_mb(), told.peak_mb), build_seconds=told.seconds,
+        file_mb=model_mb(models, store), **vars(taken),
     )  # fmt: skip
 
 
-def _warm_up(trial: Trial, backend: LMBackend, items: list[Any]) -> None:
-    """Load the model, so that the seconds of the items are theirs alone."""
-    if trial.role == "embed":
+def _asked(job: Job, trial: RoleTrial, store: ModelStore) -> Taken:
+    ledger = Ledger()
+    backend = Metered(built(job.spec, job.role, store, ledger), ledger)
+    asked = Asked(backend, ledger, job.spec.vectors)
+    if job.role == "embed":
         backend.embed(["warm up"], "query")
     else:
-        trial.ask(backend, items[:1], Ledger())
+        trial.ask(asked, job.items[:1])  # the model is loaded: the seconds of the items are theirs alone
+    before = deepcopy(ledger)
+    outputs = trial.ask(asked, job.items)
+    loading, role = before.seconds[job.role], job.role
+    return Taken.since(before, ledger, outputs, ledger.seconds[role] - loading, loading)
 
 
 def _plain(name: str) -> str:

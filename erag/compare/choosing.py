@@ -10,44 +10,44 @@ import numpy as np
 
 from erag.bench.retrieval import query_file, source_folder
 from erag.compare.config import DecisionsTrial, RelevanceTrial, SearchTrial
-from erag.compare.decisions import Decision, held_out, read_decisions
-from erag.compare.trial import Figure, Judgement, Outputs, drawn, each, judged
+from erag.compare.trial import Asked, Judgement, Outputs, RoleTrial, drawn, each
 from erag.core.errors import InputError
 from erag.core.text import node_text
 from erag.data.registry import read
 from erag.evaluate.labelled import read_labelled
 from erag.evaluate.ranking import precision_at
-from erag.evaluate.statistics import clustered_bootstrap
-from erag.lm.ledger import Ledger
-from erag.lm.roles import Embedder, LMBackend, RoleName, SelectTask
+from erag.evaluate.statistics import bootstrap, clustered_bootstrap
+from erag.lm.roles import Embedder, SelectTask
+from erag.study.compact import kept
+from erag.study.decisions import FILES, Decision, chats_of, read_decisions
 
 TOP = 5
 
 
-class Decisions:
-    """Agreement with a cloud model's choice among cards."""
+class Decisions(RoleTrial):
+    """Agreement with a cloud model's choice among cards; cards that read the same are the same."""
 
-    role: RoleName = "select"
-    measure = "agreement"
+    role, measure = "select", "agreement"
 
     def __init__(self, config: DecisionsTrial) -> None:
         self._config, self.against = config, config.cloud
 
     @cached_property
     def items(self) -> Sequence[Any]:
-        found = [d for d in read_decisions(self._config.source).decisions if len(d.cards) > 1]
-        kept = held_out(found, self._config.folds, self._config.part, self._config.by)
-        asked = drawn(kept, self._config.count, self._config.seed, str(self._config.source))
-        return [{"question": d.question, "cards": list(d.cards), "choice": d.choice} for d in asked]
+        chats = chats_of(self._config.source)
+        if chats is None:
+            raise InputError("holds no decisions", where=str(self._config.source), allowed=" and ".join(FILES))
+        held = [decision for decision in read_decisions([chats]) if self._config.part.holds(decision)]
+        asked = drawn(held, self._config.count, self._config.seed, str(self._config.source))
+        return [{"query": d.query, "cards": list(d.cards), "chosen": d.chosen} for d in asked]
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
-        del ledger
-        tasks = [SelectTask(item["question"], tuple(item["cards"])) for item in items]
-        found = each(lambda some: backend.select(some, 1), tasks, backend.batch_size("select"))
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
+        tasks = [SelectTask(item["query"], tuple(item["cards"])) for item in items]
+        found = each(lambda some: asked.backend.select(some, 1), tasks, asked.backend.batch_size("select"))
         return [None if picks is None else picks[0] for picks in found]
 
     def cloud(self) -> Outputs:
-        return [item["choice"] for item in self.items]
+        return [item["chosen"] for item in self.items]
 
     def controls(self) -> Mapping[str, Outputs]:
         rng = np.random.default_rng(self._config.seed)
@@ -56,16 +56,11 @@ class Decisions:
 
     def judge(self, outputs: Outputs, embedder: Embedder) -> Judgement:
         del embedder
-        values = [float(o is not None and _decision(i).agrees(o)) for i, o in zip(self.items, outputs, strict=True)]
-        figure, loss = judged(self.measure, values)
-        sets = ["\n".join(sorted(item["cards"])) for item in self.items]
-        whole = Figure.within("the same, card sets drawn whole", clustered_bootstrap(values, sets))
-        very = [float(o == i["choice"]) for i, o in zip(self.items, outputs, strict=True)]
-        return Judgement(figure, loss, (whole, Figure.of("the very card", very)))
-
-
-def _decision(item: Any) -> Decision:
-    return Decision(item["question"], tuple(item["cards"]), item["choice"])
+        made = [Decision(item["query"], tuple(item["cards"]), item["chosen"]) for item in self.items]
+        values = [float(o is not None and d.agrees(o)) for d, o in zip(made, outputs, strict=True)]
+        very = [float(o == d.chosen) for d, o in zip(made, outputs, strict=True)]
+        whole = clustered_bootstrap(values, [d.group for d in made])
+        return Judgement.of(values, {"the same, card sets drawn whole": whole, "the very card": bootstrap(very)})
 
 
 class _Labels:
@@ -82,11 +77,10 @@ class _Labels:
             raise InputError("no query has a relevant text", where=queries, allowed=f"ids of {source}")
 
 
-class Relevance:
+class Relevance(RoleTrial):
     """The area under the ROC of each query's texts, relevant ones against others."""
 
-    role: RoleName = "score"
-    measure, against = "AUC", "labels"
+    role, measure = "score", "AUC"
 
     def __init__(self, config: RelevanceTrial) -> None:
         self._config = config
@@ -106,15 +100,12 @@ class Relevance:
         others = [str(n) for n in rng.permutation(bad)[: self._config.others]]
         return {"query": query, "relevant": [texts[n] for n in some], "others": [texts[n] for n in others]}
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
-        del ledger
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
+        backend = asked.backend
         pairs = [(item["query"], text) for item in items for text in (*item["relevant"], *item["others"])]
         scores = each(lambda some: [float(s) for s in backend.score(some)], pairs, backend.batch_size("score"))
         ends = np.cumsum([len(item["relevant"]) + len(item["others"]) for item in items])
         return [scores[start:end] for start, end in zip((0, *ends[:-1]), ends, strict=True)]
-
-    def cloud(self) -> None:
-        return None
 
     def controls(self) -> Mapping[str, Outputs]:
         """The length of a text as its score."""
@@ -123,7 +114,7 @@ class Relevance:
     def judge(self, outputs: Outputs, embedder: Embedder) -> Judgement:
         del embedder
         areas = [_area(scores, len(item["relevant"])) for item, scores in zip(self.items, outputs, strict=True)]
-        return Judgement(*judged(self.measure, areas))
+        return Judgement.of(areas)
 
 
 def _area(scores: Sequence[float | None], relevant: int) -> float:
@@ -133,18 +124,17 @@ def _area(scores: Sequence[float | None], relevant: int) -> float:
     return float(((good > bad) + 0.5 * (good == bad)).mean())
 
 
-class Search:
+class Search(RoleTrial):
     """Precision of the first text, and of the first five, when all texts are ranked by cosine."""
 
-    role: RoleName = "embed"
-    measure, against = "P@1", "labels"
+    role, measure = "embed", "P@1"
 
     def __init__(self, config: SearchTrial) -> None:
         self._config = config
 
     @property
-    def texts(self) -> int:
-        """How many texts are embedded: what seconds are told of, since a pool costs more than its queries."""
+    def units(self) -> int:
+        """The embedded texts, since a pool costs more than its queries."""
         return len(self._pool) + len(self.items)
 
     @cached_property
@@ -175,16 +165,11 @@ class Search:
         asked = [(text, sorted(relevant & self._kept)) for text, relevant in self._asked]
         return [{"query": text, "relevant": relevant} for text, relevant in asked if relevant]
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
-        del ledger
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
         nodes = sorted(self._pool)
-        documents = backend.embed([self._pool[node] for node in nodes], "document")
-        queries = backend.embed([item["query"] for item in items], "query")
-        best = np.argsort(-(queries @ documents.T), axis=1, kind="stable")[:, :TOP]
-        return [[nodes[int(i)] for i in row] for row in best]
-
-    def cloud(self) -> None:
-        return None
+        documents = kept(asked.backend.embed([self._pool[node] for node in nodes], "document"), asked.vectors)
+        queries = asked.backend.embed([item["query"] for item in items], "query")
+        return [[nodes[int(row)] for row in documents.nearest(query, TOP)] for query in queries]
 
     def controls(self) -> Mapping[str, Outputs]:
         rng, nodes = np.random.default_rng(self._config.seed), sorted(self._pool)
@@ -193,5 +178,5 @@ class Search:
     def judge(self, outputs: Outputs, embedder: Embedder) -> Judgement:
         del embedder
         pairs = [(output, frozenset(item["relevant"])) for item, output in zip(self.items, outputs, strict=True)]
-        figure, loss = judged(self.measure, [precision_at(o, r, 1) for o, r in pairs])
-        return Judgement(figure, loss, (Figure.of("P@5", [precision_at(o, r, TOP) for o, r in pairs]),))
+        first, five = ([precision_at(o, r, k) for o, r in pairs] for k in (1, TOP))
+        return Judgement.of(first, {"P@5": bootstrap(five)})

@@ -1,19 +1,23 @@
-"""What `erag compare` runs: backends, trials by role, and what is asked how often."""
+"""What `erag compare` runs: backends and whole systems, trials by role, and what is asked how often."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from erag.forest.summaries import SummaryConfig
 from erag.generate.config import AnswerConfig
 from erag.lm.config import ModelConfig
 from erag.lm.roles import RoleName
 from erag.lm.sentence import SentenceConfig
+from erag.study.compact import VectorForm
+from erag.study.decisions import Part
 
 Count = Annotated[int, Field(ge=1)]
+Role = RoleName | Literal["all"]  # of a trial; "all": a whole system is asked
+Texts = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 
 
 class _Part(BaseModel):
@@ -21,41 +25,64 @@ class _Part(BaseModel):
 
 
 class BackendSpec(_Part):
-    """A model to be compared. `cosine` lets an embedder select and score by the cosine of its vectors."""
+    """A model to be compared.
+
+    `cosine` lets an embedder select and score by the cosine of its vectors; `vectors` is how those of texts are kept
+    when they are searched.
+    """
 
     model: ModelConfig
     cosine: bool = False
+    vectors: VectorForm = "float32"
+
+
+class SystemSpec(_Part):
+    """A whole system to be compared: a preset with overrides (`path=value`), over its own forest or the `given` one."""
+
+    preset: str = "tiny"
+    overrides: Texts = ()
+    forest: Literal["cluster", "given"] = "cluster"
+
+
+class WorldsConfig(_Part):
+    """Simulated worlds that no student was taught with, rendered into `folder` where they are missing."""
+
+    folder: Path = Path("experiments/compare/worlds")
+    names: tuple[str, ...] = ("campus", "apartment")
+    seed: int = 0
 
 
 class _Trial(_Part):
-    """`count` items drawn with `seed` are asked of each of `backends`; `cloud` names the model whose records exist."""
+    """At most `count` items, drawn with `seed`."""
 
-    backends: tuple[str, ...] = Field(min_length=1)
     count: Count = 40
     seed: int = 0
 
 
-class ObjectsTrial(_Trial):
-    """Captioners on simulated worlds (rendered where they are missing): objects said against objects in view."""
+class _RoleTrial(_Trial):
+    """The items are asked of each of `backends`."""
+
+    backends: tuple[str, ...] = Field(min_length=1)
+
+
+class ObjectsTrial(_RoleTrial):
+    """Captioners on the simulated worlds: objects said against objects in view."""
 
     kind: Literal["objects"]
-    worlds: Path = Path("experiments/compare/worlds")
-    names: tuple[str, ...] = ("campus", "office")
-    render_seed: int = 0
     least_share: float = Field(0.01, gt=0, lt=1, description="of the image; from here on an object counts as visible")
     synonyms: dict[str, tuple[str, ...]] = Field({}, description="class -> other words that name it")
 
 
-class CaptionsTrial(_Trial):
-    """Captioners on real frames that a cloud model captioned: SS to its captions."""
+class CaptionsTrial(_RoleTrial):
+    """Captioners on real frames that the model `cloud` captioned: SS to its captions."""
 
     kind: Literal["captions"]
     source: Path
     cloud: str = "GPT-4o-mini"
 
 
-class SummariesTrial(_Trial):
-    """Summarisers on the clusters of a forest whose summaries a cloud model wrote: the same clusters, the same members.
+class SummariesTrial(_RoleTrial):
+    """Summarisers on the clusters of a forest that the model `cloud` summarised: the same clusters, the same members.
 
     `summaries` says what a summariser is given and what is kept of its answer, as in a build.
     """
@@ -66,27 +93,19 @@ class SummariesTrial(_Trial):
     summaries: SummaryConfig = SummaryConfig(keep=False)
 
 
-class DecisionsTrial(_Trial):
-    """Selectors on choices a cloud model made. Only part `part` of `folds` is asked, split `by` question or card set.
+class DecisionsTrial(_RoleTrial):
+    """Selectors on choices that the model `cloud` made; only those of `part` are asked.
 
-    Students that were taught with the other parts are judged without a leak.
+    Students that were taught without it are judged without a leak.
     """
 
     kind: Literal["decisions"]
     source: Path
     cloud: str = "cloud teacher"
-    folds: Annotated[int, Field(ge=1, le=20)] = 5
-    part: Annotated[int, Field(ge=0)] = 0
-    by: Literal["question", "cards"] = "question"
-
-    @model_validator(mode="after")
-    def _there(self) -> Self:
-        if self.part >= self.folds:
-            raise ValueError(f"part {self.part} of {self.folds} folds: they count from 0")
-        return self
+    part: Part = Part()
 
 
-class _Labelled(_Trial):
+class _Labelled(_RoleTrial):
     """Texts of a source and labelled queries about them; both by path, or `sample` for those of the package."""
 
     source: str = "sample"
@@ -116,10 +135,36 @@ class AnswersTrial(_Labelled):
     answer: AnswerConfig = AnswerConfig()
 
 
-AnyTrial = Annotated[
-    ObjectsTrial | CaptionsTrial | SummariesTrial | DecisionsTrial | RelevanceTrial | SearchTrial | AnswersTrial,
-    Field(discriminator="kind"),
-]
+class MemoriesTrial(_Trial):
+    """End to end: each of `systems` builds memories of a data set's environments and is asked labelled questions.
+
+    `dataset` is a loader of `erag.evaluate.datasets`; `simulated` without `root` are the comparison's `worlds`. `where`
+    chooses among the questions by their keys. The memory of `reference` holds what the model `cloud` said, and the
+    others are held against its hits; with no `cloud` it holds the truth and shows what is left to lose. `given` is a
+    file of the same nodes that states the forest, where the data set itself does not.
+    """
+
+    kind: Literal["memories"]
+    dataset: str = "simulated"
+    root: Path | None = None
+    queries: Path | None = None
+    where: dict[str, Texts] = {}
+    systems: tuple[str, ...] = Field(min_length=1)
+    reference: str | None = None
+    cloud: str = ""
+    given: Path | None = None
+
+    @model_validator(mode="after")
+    def _held(self) -> Self:
+        if self.cloud and self.reference is None:
+            raise ValueError(f"what {self.cloud} said has to be in the memory of a reference")
+        return self
+
+
+RoleTrialConfig = (
+    ObjectsTrial | CaptionsTrial | SummariesTrial | DecisionsTrial | RelevanceTrial | SearchTrial | AnswersTrial
+)
+AnyTrial = Annotated[RoleTrialConfig | MemoriesTrial, Field(discriminator="kind")]
 ROLE_OF: dict[str, RoleName] = {
     "objects": "caption", "captions": "caption", "summaries": "summarise", "decisions": "select",
     "relevance": "score", "search": "embed", "answers": "generate",
@@ -133,7 +178,9 @@ class CompareConfig(_Part):
     """
 
     out: Path = Path("experiments/compare/run")
-    backends: dict[str, BackendSpec] = Field(min_length=1)
+    backends: dict[str, BackendSpec] = {}
+    systems: dict[str, SystemSpec] = {}
+    worlds: WorldsConfig = WorldsConfig()
     trials: dict[str, AnyTrial] = Field(min_length=1)
     judge: ModelConfig = SentenceConfig()
     threads: Annotated[int, Field(ge=1, le=1024)] | None = None
@@ -142,6 +189,16 @@ class CompareConfig(_Part):
     @model_validator(mode="after")
     def _known(self) -> Self:
         for name, trial in self.trials.items():
-            if unknown := sorted(set(trial.backends) - set(self.backends)):
-                raise ValueError(f"trial {name!r} names {unknown[0]!r}, which is no backend")
+            if isinstance(trial, MemoriesTrial):
+                asked = (*trial.systems, *((trial.reference,) if trial.reference else ()))
+                _there(name, asked, self.systems, "system")
+            else:
+                _there(name, trial.backends, self.backends, "backend")
         return self
+
+
+def _there(
+    trial: str, asked: tuple[str, ...], known: dict[str, BackendSpec] | dict[str, SystemSpec], what: str
+) -> None:
+    if unknown := sorted(set(asked) - set(known)):
+        raise ValueError(f"trial {trial!r} names {unknown[0]!r}, which is no {what}")

@@ -1,4 +1,4 @@
-"""The page of a comparison, in Markdown: a table a trial, further figures, and what to deploy in how much memory."""
+"""The page of a comparison, in Markdown: what to deploy in how much memory, a table a trial, and further figures."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from erag.compare.config import CompareConfig
 from erag.compare.rows import Row, Verdict, verdict
+from erag.compare.trial import LABELS
 from erag.lm.probe import cpu
 
 _LIBRARIES = ("torch", "llama-cpp-python", "transformers")
@@ -18,21 +19,22 @@ _RULE = (
     "named for the most memory does not lose less than the best of them by its whole interval, that is said."
 )
 _DATA = (
-    "Losses are against the cloud's recorded answers where there are any, else against labels (1 − figure): a row says "
-    "which. Intervals are bootstrap intervals over items; for F1 over images. SS is the cosine of two texts by the "
-    "embedder that judges (`judge` in config.yaml): an embedder from its own family is favoured. Decisions, summaries "
-    "and captions of the cloud come from one building, one city and one lobby: they bound what can be said."
+    "Losses are against the cloud's recorded answers where there are any, else against labels (1 − figure): a table "
+    "says which. Intervals are bootstrap intervals over items; for F1 over images. SS is the cosine of two texts by "
+    "the embedder that judges (`judge` in config.yaml): an embedder from its own family is favoured. Decisions, "
+    "summaries and captions of the cloud come from one building, one city and one lobby: they bound what can be said. "
+    "☁ is what a cloud model said, ∘ a system that is given the truth, · a control that needs no model."
 )
 
 
 def page(config: CompareConfig, rows: Sequence[Row], plot: str | None) -> str:
     """The page as text."""
     parts = ["# Backends compared", "", _machine(config), "", _DATA, ""]
-    for trial in dict.fromkeys(row.trial for row in rows):
-        parts += _section([row for row in rows if row.trial == trial])
     parts += ["## What to deploy", "", _RULE, "", *_verdicts(config, rows), ""]
     if plot is not None:
-        parts += ["## Loss and seconds", "", f"![Loss against seconds an item, a panel a trial]({plot})", ""]
+        parts += ["## Loss and seconds", "", f"![Loss against seconds, a panel a trial]({plot})", ""]
+    for trial in dict.fromkeys(row.trial for row in rows):
+        parts += _section([row for row in rows if row.trial == trial])
     return "\n".join(parts)
 
 
@@ -42,8 +44,8 @@ COLUMNS = ("backend", "figure [95 %]", "loss [95 %]", "s", "tokens", "MB", "file
 def cells(row: Row) -> tuple[str, ...]:
     """A row for a table of `COLUMNS`: seconds and tokens an item, peak memory and file size in MB."""
     found = row.judgement
-    figures = ("–", row.note[:80] or "–") if found is None else (found.figure.short, found.loss.short)
-    mark = {"cloud": "☁ ", "control": "· "}.get(row.kind, "")
+    figures = ("–", row.note[:80] or "–") if found is None else (str(found.figure), str(found.loss))
+    mark = {"cloud": "☁ ", "truth": "∘ ", "control": "· "}.get(row.kind, "")
     return (
         f"{mark}{row.backend}", *figures, _short(row.seconds), _number(row.tokens), _number(row.peak_mb),
         _number(row.file_mb),
@@ -53,12 +55,17 @@ def cells(row: Row) -> tuple[str, ...]:
 def title(rows: Sequence[Row]) -> str:
     """What a trial measures, in one line."""
     first = rows[0]
-    source = f"against {first.against}" if first.against != "labels" else "no cloud record: against labels"
-    return f"{first.trial} ({first.role}): {first.measure}, {first.items} items, {source}"
+    source = f"against {first.against}" if first.against != LABELS else "no cloud record: against labels"
+    return f"{first.trial} ({played(first)}): {first.measure}, {first.items} items, {source}"
+
+
+def played(row: Row) -> str:
+    """What a trial is about: a role, or a whole system."""
+    return "end to end" if row.role == "all" else row.role
 
 
 def _section(rows: Sequence[Row]) -> list[str]:
-    more = list(dict.fromkeys(f.name for r in rows if r.judgement for f in r.judgement.more))
+    more = list(dict.fromkeys(name for r in rows if r.judgement for name in r.judgement.more))
     parts = [f"## {title(rows)}", "", *_table(COLUMNS, [cells(row) for row in rows]), ""]
     if more:
         parts += [*_table(("backend", *more), [_further(row, more) for row in rows if row.judgement]), ""]
@@ -67,13 +74,13 @@ def _section(rows: Sequence[Row]) -> list[str]:
 
 
 def _further(row: Row, names: Sequence[str]) -> tuple[str, ...]:
-    known = {f.name: f.short for f in (row.judgement.more if row.judgement else ())}
-    return (row.backend, *(known.get(name, "–") for name in names))
+    known = row.judgement.more if row.judgement else {}
+    return (row.backend, *(str(known.get(name, "–")) for name in names))
 
 
 def _verdicts(config: CompareConfig, rows: Sequence[Row]) -> list[str]:
     trials = dict.fromkeys(row.trial for row in rows if row.kind == "local" and row.judgement)
-    roles = {row.trial: row.role for row in rows}
+    roles = {row.trial: played(row) for row in rows}
     head = ("role", "trial", *(f"{gib:g} GiB" for gib in config.budgets), "best control")
     table = [
         (roles[t], t, *(_said(verdict(rows, t, gib)) for gib in config.budgets), _control(rows, t, max(config.budgets)))
@@ -85,7 +92,7 @@ def _verdicts(config: CompareConfig, rows: Sequence[Row]) -> list[str]:
 def _control(rows: Sequence[Row], trial: str, gib: float) -> str:
     """The control that loses least, and whether the backend chosen for `gib` loses less, its interval included."""
     known = [
-        (r.judgement.loss.value, r.backend) for r in rows if (r.trial, r.kind) == (trial, "control") and r.judgement
+        (r.judgement.loss.mean, r.backend) for r in rows if (r.trial, r.kind) == (trial, "control") and r.judgement
     ]
     if not known:
         return "–"

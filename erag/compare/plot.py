@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from erag.compare.page import played
 from erag.compare.rows import Row, pareto
 
-_WIDTH, _HEIGHT, _ACROSS = 4.6, 3.5, 3  # inches a panel, panels a line
+_WIDTH, _HEIGHT, _ACROSS = 4.8, 3.6, 3  # inches a panel, panels a line
 _LEAST = 1e-6  # seconds: a logarithm needs more than none
-_LOCAL, _CLOUD, _CONTROL, _FRONT = "#1f5fa8", "#2a8a4a", "#999999", "#d07020"
+_LOCAL, _FRONT = "#1f5fa8", "#d07020"
+_LINES = {"cloud": ("#2a8a4a", "-"), "truth": ("#2a8a4a", "--"), "control": ("#999999", ":")}
 
 
 def plotted(rows: Sequence[Row], path: Path) -> bool:
@@ -19,10 +21,10 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-        from matplotlib.ticker import FormatStrFormatter, NullFormatter
     except ImportError:
         return False
-    trials = list(dict.fromkeys(r.trial for r in rows if r.seconds is not None and r.judgement))
+    known = [row for row in rows if row.judgement]
+    trials = list(dict.fromkeys(row.trial for row in known if row.kind == "local"))
     if not trials:
         return False
     across = min(_ACROSS, len(trials))
@@ -31,37 +33,35 @@ def plotted(rows: Sequence[Row], path: Path) -> bool:
     FigureCanvasAgg(figure)
     panels = figure.subplots(down, across, squeeze=False).ravel()
     for axes, trial in zip(panels, trials, strict=False):
-        _panel(axes, [r for r in rows if r.trial == trial and r.judgement])
-        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        _panel(axes, [row for row in known if row.trial == trial])
     for axes in panels[len(trials) :]:
         axes.set_axis_off()
     figure.suptitle("Loss and seconds\ndiscs: peak memory; line: what no other beats", fontsize=10)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, metadata={"Software": None})
     return True
 
 
 def _panel(axes: Any, rows: Sequence[Row]) -> None:
-    local = [r for r in rows if r.seconds is not None]
-    axes.set_xscale("log")
-    for row in rows:
-        if row.kind != "local" and row.judgement:
-            colour, style = (_CLOUD, "-") if row.kind == "cloud" else (_CONTROL, ":")
-            axes.axhline(row.judgement.loss.value, color=colour, linestyle=style, linewidth=1)
-            axes.annotate(
-                row.backend, (0.99, row.judgement.loss.value), xycoords=("axes fraction", "data"), fontsize=6.5,
-                color=colour, ha="right", va="bottom",
-            )  # fmt: skip
+    from matplotlib.ticker import FormatStrFormatter, NullFormatter
+
+    local = sorted((row for row in rows if row.kind == "local"), key=_seconds)
+    for row in (row for row in rows if row.kind != "local"):
+        colour, style = _LINES[row.kind]
+        axes.axhline(_loss(row), color=colour, linestyle=style, linewidth=1)
+        axes.annotate(
+            row.backend, (0.99, _loss(row)), xycoords=("axes fraction", "data"), fontsize=6, color=colour, ha="right",
+            va="bottom",
+        )  # fmt: skip
     front = pareto(rows)
-    axes.plot(
-        [r.seconds for r in front], [_loss(r) for r in front], color=_FRONT, linewidth=1.2, drawstyle="steps-post"
-    )
-    for number, row in enumerate(sorted(local, key=lambda r: r.seconds or 0.0)):
+    axes.plot([_seconds(r) for r in front], [_loss(r) for r in front], color=_FRONT, lw=1.2, drawstyle="steps-post")
+    for number, row in enumerate(local):
         _point(axes, row, above=number % 2 == 0)
-    known = [max(r.seconds, _LEAST) for r in local if r.seconds is not None]
-    axes.set_xlim(min(known) / 3, max(known) * 10)  # room for names to the right
+    axes.set_xscale("log")
+    axes.set_xlim(_seconds(local[0]) / 3, _seconds(local[-1]) * 12)  # room for names to the right
     axes.margins(y=0.2)
-    axes.set_title(f"{rows[0].trial} ({rows[0].role})", fontsize=9)
+    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_title(f"{rows[0].trial} ({played(rows[0])})", fontsize=9)
     axes.set_xlabel("seconds an item", fontsize=8)
     axes.set_ylabel(f"loss against {rows[0].against}", fontsize=8)
     axes.tick_params(labelsize=7)
@@ -69,18 +69,22 @@ def _panel(axes: Any, rows: Sequence[Row]) -> None:
 
 
 def _point(axes: Any, row: Row, above: bool) -> None:
-    if row.judgement is None or row.seconds is None:
+    if row.judgement is None:
         return
-    loss, x = row.judgement.loss, max(row.seconds, _LEAST)
-    axes.errorbar(x, loss.value, yerr=[[loss.value - loss.low], [loss.high - loss.value]], color=_LOCAL, linewidth=0.8)
-    axes.scatter(
-        [x], [loss.value], s=10 + 2.2 * math.sqrt(row.peak_mb or 0), color=_LOCAL, alpha=0.65, linewidths=0, zorder=3
-    )
+    loss, x = row.judgement.loss, _seconds(row)
+    spread = [[loss.mean - loss.low], [loss.high - loss.mean]]
+    axes.errorbar(x, loss.mean, yerr=spread, color=_LOCAL, linewidth=0.8)
+    size = 10 + 2.2 * math.sqrt(row.peak_mb or 0)
+    axes.scatter([x], [loss.mean], s=size, color=_LOCAL, alpha=0.65, linewidths=0, zorder=3)
     axes.annotate(
-        row.backend, (x, loss.value), textcoords="offset points", xytext=(7, 7 if above else -7), fontsize=7,
+        row.backend, (x, loss.mean), textcoords="offset points", xytext=(7, 7 if above else -7), fontsize=6.5,
         va="bottom" if above else "top", zorder=4,
     )  # fmt: skip
 
 
+def _seconds(row: Row) -> float:
+    return max(row.seconds or 0.0, _LEAST)
+
+
 def _loss(row: Row) -> float:
-    return math.nan if row.judgement is None else row.judgement.loss.value
+    return math.nan if row.judgement is None else row.judgement.loss.mean

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from erag.compare.decisions import has_decisions, read_decisions
 from erag.core.text import clean, node_text
 from erag.core.types import Observation
+from erag.data.coex import said_and_listed
 from erag.data.reading import GivenCluster, Reading
 from erag.data.registry import read
 from erag.lm.callfile import Record, Source
@@ -19,9 +19,9 @@ from erag.lm.images import BadImages, read_file
 from erag.lm.journal import call_keys
 from erag.lm.records import CODECS, request_text
 from erag.lm.roles import Caption, Group, RoleName, Summary
+from erag.study.decisions import chats_of, read_all
 
 RULES = 1  # changes when other records would come out of the same source
-_OBJECTS = " Objects: "  # how our reader writes the list of objects at the end of a caption
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,10 @@ def references(source: Path, teacher: str) -> References:
     A caption becomes a record where its image is there, a summary with the texts of its members as request (as in the
     paper). Raises InputError for a source that cannot be read.
     """
-    if source.is_dir() and has_decisions(source):
-        found = read_decisions(source)
-        made = (_record("select", teacher, source.name, d.task, [d.choice], "k=1") for d in found.decisions)
+    chats = chats_of(source)
+    if chats is not None:
+        found = read_all([chats])
+        made = (_record("select", teacher, source.name, d.task, [d.chosen], "k=1") for d in found.decisions)
         return References(tuple(made), found.notes)
     reading = read(source)
     notes: Counter[str] = Counter()
@@ -56,11 +57,7 @@ def references(source: Path, teacher: str) -> References:
 
 def cloud_caption(observation: Observation) -> Caption:
     """A caption as it was said: the text, and the objects where they are listed."""
-    said = clean(observation.caption or "")
-    text, mark, listed = said.rpartition(_OBJECTS)
-    if not mark:
-        return Caption(said)
-    return Caption(text, tuple(dict.fromkeys(filter(None, (o.strip(" .") for o in listed.split(","))))))
+    return Caption(*said_and_listed(clean(observation.caption or "")))
 
 
 def member_texts(clusters: tuple[GivenCluster, ...], observations: tuple[Observation, ...]) -> Mapping[str, str]:

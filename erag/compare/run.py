@@ -1,18 +1,17 @@
-"""The whole comparison: every backend in every trial it is named for, judged; resumable cell by cell."""
+"""The whole comparison: everyone in every trial it is named for, judged; resumable cell by cell."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import yaml
 
-from erag.compare.cells import Cell, Job, measured, model_mb
-from erag.compare.choosing import Search
-from erag.compare.config import ROLE_OF, CompareConfig
+from erag.compare.cells import Cell, Job, measured
+from erag.compare.config import CompareConfig, MemoriesTrial
 from erag.compare.page import page
-from erag.compare.rows import Row, write_csv
-from erag.compare.trial import Outputs, Trial
+from erag.compare.rows import Kind, Row, write_csv
+from erag.compare.trial import Judgement, Outputs, Trial
 from erag.compare.trials import trial_of
 from erag.core.errors import EragError
 from erag.core.output import replacing
@@ -34,7 +33,7 @@ def compare(config: CompareConfig, store: ModelStore, say: Say, progress: Progre
     rows: list[Row] = []
     for done, name in enumerate(config.trials):
         progress("trials", done, len(config.trials))
-        rows += _trial(config, name, store, judge, say)
+        rows += _rows(config, name, store, judge, say)
     progress("trials", len(config.trials), len(config.trials))
     write(config, rows)
     return rows
@@ -56,42 +55,79 @@ def _judge(config: CompareConfig, store: ModelStore) -> Embedder:
     return compose(models, Roles({"embed": "judge"}))
 
 
-def _trial(config: CompareConfig, name: str, store: ModelStore, judge: Embedder, say: Say) -> list[Row]:
+def _rows(config: CompareConfig, name: str, store: ModelStore, judge: Embedder, say: Say) -> list[Row]:
     """The rows of one trial; one that cannot be made is one row that says why."""
-    role = ROLE_OF[config.trials[name].kind]
     trial = trial_of(config, name, store)
     try:
         items = list(trial.items)
     except EragError as error:
         say(f"{name}: not measured: {error.line()}")
-        return [Row(name, role, "–", "none", trial.measure, trial.against, 0, None, note=error.line())]
-    units = trial.texts if isinstance(trial, Search) else None
-    blank = Row(name, role, "", "local", trial.measure, trial.against, len(items), None, units=units)
-    rows = []
-    spoken = trial.cloud()
-    if spoken is not None:
-        title = f"{trial.against} (recorded)"
-        rows.append(_judged(dataclasses.replace(blank, backend=title, kind="cloud"), trial, spoken, judge))
-    for backend in config.trials[name].backends:
-        job = Job(name, backend, config, items, store.files)
-        cell, kept = measured(job, config.out / "cells", store)
-        took = "kept" if kept else f"{cell.load_seconds:.1f} s to load, {cell.seconds:.1f} s for {len(items)} items"
-        say(f"{name}, {backend}: {cell.error or took}")
-        row = dataclasses.replace(
-            blank, backend=backend, cell=None if cell.error else cell, note=cell.error or _events(cell),
-            file_mb=model_mb(config.backends[backend].model, store),
+        return [Row(name, trial.role, "–", "none", trial.measure, trial.against, 0, None, note=error.line())]
+    return list(_Asking(config, name, store, judge, say, trial, items).rows())
+
+
+@dataclass(frozen=True)
+class _Asking:
+    """One trial, everyone of which is asked and judged."""
+
+    config: CompareConfig
+    name: str
+    store: ModelStore
+    judge: Embedder
+    say: Say
+    trial: Trial
+    items: list[object]
+
+    def rows(self) -> Iterator[Row]:
+        spoken = self.trial.cloud()
+        if spoken is not None:
+            yield self._row(f"{self.trial.against} (recorded)", "cloud", spoken)
+        chosen = self.config.trials[self.name]
+        if isinstance(chosen, MemoriesTrial):
+            yield from self._systems(chosen)
+        else:
+            yield from (self._measured(backend, "local") for backend in chosen.backends)
+        for title, outputs in self.trial.controls().items():
+            yield self._row(title, "control", outputs)
+
+    def _systems(self, chosen: MemoriesTrial) -> Iterator[Row]:
+        """The reference first; with what a cloud model said in its memory, the others are held against it."""
+        best: Judgement | None = None
+        if chosen.reference is not None:
+            reference = self._measured(chosen.reference, "cloud" if chosen.cloud else "truth")
+            best = reference.judgement if chosen.cloud else None
+            yield _against(reference, best)
+        for system in chosen.systems:
+            yield _against(self._measured(system, "local"), best)
+
+    def _measured(self, backend: str, kind: Kind) -> Row:
+        job = Job(self.name, backend, self.config, self.items, self.store.files)
+        cell, kept = measured(job, self.config.out / "cells", self.store)
+        built = f"{cell.build_seconds:.1f} s to build, " if cell.build_seconds else ""
+        took = f"{built}{cell.load_seconds:.1f} s to load, {cell.seconds:.1f} s for {len(self.items)} items"
+        self.say(f"{self.name}, {backend}: {cell.error or ('kept' if kept else took)}")
+        if cell.error:
+            return self._row(backend, kind, None, note=cell.error)
+        return self._row(backend, kind, cell.outputs, cell, _told(cell))
+
+    def _row(self, backend: str, kind: Kind, outputs: Outputs | None, cell: Cell | None = None, note: str = "") -> Row:
+        trial = self.trial
+        judged = None if outputs is None else trial.judge(outputs, self.judge)
+        return Row(
+            self.name, trial.role, backend, kind, trial.measure, trial.against, len(self.items), judged, trial.units,
+            cell, note,
         )  # fmt: skip
-        rows.append(row if cell.error else _judged(row, trial, cell.outputs, judge))
-    for title, outputs in trial.controls().items():
-        rows.append(_judged(dataclasses.replace(blank, backend=title, kind="control"), trial, outputs, judge))
-    return rows
 
 
-def _judged(row: Row, trial: Trial, outputs: Outputs, judge: Embedder) -> Row:
-    return dataclasses.replace(row, judgement=trial.judge(outputs, judge))
+def _against(row: Row, best: Judgement | None) -> Row:
+    if best is None or row.judgement is None:
+        return row
+    return replace(row, judgement=row.judgement.against(best))
 
 
-def _events(cell: Cell) -> str:
+def _told(cell: Cell) -> str:
+    """What should be known of a cell: how long its memories took, what was not answered, what was counted."""
+    built = [f"memories built in {cell.build_seconds:.0f} s"] if cell.build_seconds else []
     failed = sum(output is None for output in cell.outputs)
     events = [f"{failed:,} items not answered"] if failed else []
-    return "; ".join([*events, *(f"{n:,} {event}" for event, n in sorted(cell.events.items()))])
+    return "; ".join([*built, *events, *(f"{n:,} {event}" for event, n in sorted(cell.events.items()))])

@@ -8,15 +8,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from erag.compare.config import CaptionsTrial, ObjectsTrial
+from erag.compare.config import CaptionsTrial, ObjectsTrial, WorldsConfig
 from erag.compare.reference import cloud_caption
-from erag.compare.trial import Figure, Judgement, Outputs, drawn, each, judged, shifted
+from erag.compare.trial import Asked, Judgement, Outputs, RoleTrial, drawn, each, shifted
 from erag.core.text import words
 from erag.data.registry import read
 from erag.evaluate.naming import counted, micro
+from erag.evaluate.statistics import Interval, bootstrap
 from erag.evaluate.text import GENERIC, Golden, SemanticSimilarity
-from erag.lm.ledger import Ledger
-from erag.lm.roles import Caption, Embedder, LMBackend, RoleName
+from erag.lm.roles import Caption, Embedder, LMBackend
 
 _RESAMPLES = 1000
 _COMMON = 5  # classes that a control says of every image
@@ -29,36 +29,38 @@ def captioned(backend: LMBackend, items: Sequence[Any]) -> list[Any]:
     return [None if c is None else {"text": c.text, "objects": list(c.objects)} for c in found]
 
 
-class Objects:
+def rendered(worlds: WorldsConfig) -> Path:
+    """The folder of the worlds, with true captions and without nodes of objects; rendered where one is missing."""
+    from erag.study.worlds import render
+
+    if not all((worlds.folder / "truth" / f"{name}.jsonl").is_file() for name in worlds.names):
+        render(worlds.folder, worlds.names, worlds.seed, objects=False, captions="truth")
+    return worlds.folder
+
+
+class Objects(RoleTrial):
     """Objects said against objects in view, micro-averaged F1 over the classes of the simulator."""
 
-    role: RoleName = "caption"
-    measure, against = "object F1", "labels"
+    role, measure = "caption", "object F1"
 
-    def __init__(self, config: ObjectsTrial) -> None:
-        self._config = config
+    def __init__(self, config: ObjectsTrial, worlds: WorldsConfig) -> None:
+        self._config, self._worlds = config, worlds
 
     @cached_property
     def items(self) -> Sequence[Any]:
-        from erag.study.worlds import read_worlds, render
+        from erag.study.worlds import read_worlds
 
-        folder, names = self._config.worlds, self._config.names
-        if not all((folder / "truth" / f"{name}.jsonl").is_file() for name in names):
-            render(folder, names, self._config.render_seed)
+        folder = rendered(self._worlds)
         worlds = read_worlds(folder)
-        examples = [example for name in names for example in worlds[name]]
+        examples = [example for name in self._worlds.names for example in worlds[name]]
         classes = sorted(set().union(*(e.seen(self._config.least_share) for e in examples)))
         kept = drawn(examples, self._config.count, self._config.seed, str(folder))
         return [
             {"image": str(e.image), "seen": sorted(e.seen(self._config.least_share)), "classes": classes} for e in kept
         ]
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
-        del ledger
-        return captioned(backend, items)
-
-    def cloud(self) -> None:
-        return None
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
+        return captioned(asked.backend, items)
 
     def controls(self) -> Mapping[str, Outputs]:
         """The classes that are most often in view, said of every image."""
@@ -71,11 +73,9 @@ class Objects:
         classes = self.items[0]["classes"]
         said = [self._named(output, classes) for output in outputs]
         counts = counted(said, [frozenset(item["seen"]) for item in self.items], classes)
-        parts = micro(counts.sum(axis=1), _RESAMPLES)
-        names = ("precision", "recall", "object F1")
-        precision, recall, f1 = (Figure(n, m.mean, m.low, m.high) for n, m in zip(names, parts, strict=True))
-        loss = Figure("loss", 1 - f1.value, 1 - f1.high, 1 - f1.low)
-        return Judgement(f1, loss, (precision, recall))
+        precision, recall, f1 = micro(counts.sum(axis=1), _RESAMPLES)
+        loss = Interval(1 - f1.mean, 1 - f1.high, 1 - f1.low)
+        return Judgement(f1, loss, {"precision": precision, "recall": recall})
 
     def _named(self, output: Any, classes: Sequence[str]) -> frozenset[str]:
         """The classes an output names: its objects, or where it lists none, what its text mentions."""
@@ -91,11 +91,10 @@ class Objects:
         return {" ".join(words(spelling)) for spelling in (name, *self._config.synonyms.get(name, ()))}
 
 
-class Captions:
+class Captions(RoleTrial):
     """SS of captions to those of a cloud model, and how many of the things it mentions they mention."""
 
-    role: RoleName = "caption"
-    measure = "SS to the cloud's caption"
+    role, measure = "caption", "SS to the cloud's caption"
 
     def __init__(self, config: CaptionsTrial) -> None:
         self._config, self.against = config, config.cloud
@@ -110,9 +109,8 @@ class Captions:
         ]
         return drawn(known, self._config.count, self._config.seed, str(self._config.source))
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
-        del ledger
-        return captioned(backend, items)
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
+        return captioned(asked.backend, items)
 
     def cloud(self) -> Outputs:
         return [{"text": item["text"], "objects": item["objects"]} for item in self.items]
@@ -128,9 +126,7 @@ class Captions:
         told = [_told(output) for output in outputs]
         golden = [Golden(_told(output)) for output in self.cloud()]
         scores = SemanticSimilarity("judge", embedder).scores([""] * len(told), told, golden)
-        figure, loss = judged(self.measure, [s.ss for s in scores])
-        covered = Figure.of("things mentioned", [s.coverage for s in scores])
-        return Judgement(figure, loss, (covered,))
+        return Judgement.of([s.ss for s in scores], {"things mentioned": bootstrap([s.coverage for s in scores])})
 
 
 def _plain(caption: Caption) -> dict[str, Any]:

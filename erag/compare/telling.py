@@ -13,11 +13,12 @@ import numpy as np
 from erag.bench.config import MemoryBench
 from erag.bench.retrieval import built, query_file
 from erag.compare.config import AnswersTrial, SummariesTrial
-from erag.compare.trial import Figure, Judgement, Outputs, drawn, each, judged, shifted
+from erag.compare.trial import Asked, Judgement, Outputs, RoleTrial, drawn, each, shifted
 from erag.core.errors import BadModelOutput
 from erag.core.types import Cluster, Edges, Forest, IntArray, TopoMap
 from erag.data.contract import read_queries
 from erag.data.registry import read
+from erag.evaluate.statistics import bootstrap
 from erag.evaluate.text import GENERIC, Golden, SemanticSimilarity
 from erag.forest.facts import cluster_facts
 from erag.forest.given import given_forest
@@ -30,8 +31,7 @@ from erag.generate.asking import read as answer_of
 from erag.generate.focus import Focus, counts
 from erag.generate.views import Views
 from erag.lm.config import BackendConfig, ModelConfig
-from erag.lm.ledger import Ledger
-from erag.lm.roles import Embedder, Group, LMBackend, Prompt, RoleName, Summary
+from erag.lm.roles import Embedder, Group, Prompt, Summary
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
 from erag.pipeline.query import Asker
@@ -44,11 +44,10 @@ class _Silent:
         raise BadModelOutput(f"nothing to say of {len(groups)} groups")
 
 
-class ClusterSummaries:
+class ClusterSummaries(RoleTrial):
     """SS to the cloud model's summary of the same cluster, facts mentioned, and statements no member bears out."""
 
-    role: RoleName = "summarise"
-    measure = "SS to the cloud's summary"
+    role, measure = "summarise", "SS to the cloud's summary"
 
     def __init__(self, config: SummariesTrial) -> None:
         self._config, self.against = config, config.cloud
@@ -67,31 +66,31 @@ class ClusterSummaries:
         kept = drawn(told, self._config.count, self._config.seed, str(self._config.source))
         return [{"cluster": c.id, **_written(c)} for c in kept]
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
         """As a build would: facts or members in, checked summaries out."""
+        summaries = Summaries(self._world[0], asked.backend, self._config.summaries, asked.ledger)
+        return [_written(c) for c in summaries.level(self._clusters(items))]
+
+    def _clusters(self, items: Sequence[Any]) -> list[Cluster]:
         wanted = {item["cluster"] for item in items}
-        clusters = [c for c in self._world[1].clusters if c.id in wanted]
-        return [_written(c) for c in Summaries(self._world[0], backend, self._config.summaries, ledger).level(clusters)]
+        return [c for c in self._world[1].clusters if c.id in wanted]
 
     def cloud(self) -> Outputs:
         return [{key: item[key] for key in ("name", "text", "relationships")} for item in self.items]
 
     def controls(self) -> Mapping[str, Outputs]:
-        wanted = {item["cluster"] for item in self.items}
-        clusters = [c for c in self._world[1].clusters if c.id in wanted]
         summaries = Summaries(self._world[0], _Silent(), self._config.summaries.model_copy(update={"again": None}))
         return {
-            "composed by code": [_written(c) for c in summaries.level(clusters)],
+            "composed by code": [_written(c) for c in summaries.level(self._clusters(self.items))],
             "of another cluster": shifted(self.cloud()),
         }
 
     def judge(self, outputs: Outputs, embedder: Embedder) -> Judgement:
         told, golden = [_spoken(o) for o in outputs], [Golden(_spoken(o)) for o in self.cloud()]
         scores = SemanticSimilarity("judge", embedder).scores([""] * len(told), told, golden)
-        figure, loss = judged(self.measure, [s.ss for s in scores])
         covered, unsupported = zip(*map(self._checked, self.items, outputs), strict=True)
-        more = (Figure.of("facts mentioned", covered), Figure.of("statements unsupported", unsupported))
-        return Judgement(figure, loss, more)
+        more = {"facts mentioned": bootstrap(covered), "statements unsupported": bootstrap(unsupported)}
+        return Judgement.of([s.ss for s in scores], more)
 
     @cached_property
     def _words(self) -> Vocabulary:
@@ -121,11 +120,10 @@ def _spoken(output: Any) -> str:
     return ". ".join(filter(None, (output["name"], output["text"])))
 
 
-class Answers:
+class Answers(RoleTrial):
     """SS to golden answers, from the same prompt for all; an answer that is not of its schema counts as none."""
 
-    role: RoleName = "generate"
-    measure, against = "SS to the golden answer", "labels"
+    role, measure = "generate", "SS to the golden answer"
 
     def __init__(self, config: AnswersTrial, store: ModelStore, embedder: ModelConfig, folder: Path) -> None:
         self._config, self._store, self._embedder, self._folder = config, store, embedder, folder
@@ -164,14 +162,10 @@ class Answers:
             "messages": [list(turn) for turn in prompt.messages], "schema": prompt.schema, "most": prompt.max_tokens,
         }  # fmt: skip
 
-    def ask(self, backend: LMBackend, items: Sequence[Any], ledger: Ledger) -> list[Any]:
-        del ledger
+    def ask(self, asked: Asked, items: Sequence[Any]) -> list[Any]:
         prompts = [Prompt(tuple((r, t) for r, t in i["messages"]), i["schema"], i["most"]) for i in items]
-        found = each(backend.generate, prompts, backend.batch_size("generate"))
+        found = each(asked.backend.generate, prompts, asked.backend.batch_size("generate"))
         return [None if said is None else said.text for said in found]
-
-    def cloud(self) -> None:
-        return None
 
     def controls(self) -> Mapping[str, Outputs]:
         def said(texts: Sequence[str]) -> Outputs:
@@ -186,12 +180,11 @@ class Answers:
         told = [_answered(output) for output in outputs]
         questions, golden = [i["question"] for i in self.items], [Golden(i["golden"]) for i in self.items]
         scores = SemanticSimilarity("judge", embedder).scores(questions, told, golden)
-        figure, loss = judged(self.measure, [s.ss for s in scores])
-        valid = Figure.of("valid", [float(bool(text)) for text in told])
-        grounded = Figure.of("grounded", list(map(self._grounded, self.items, told)))
-        return Judgement(
-            figure, loss, (valid, grounded, Figure.of("golden facts stated", [s.coverage for s in scores]))
-        )
+        more = {
+            "valid": [float(bool(text)) for text in told], "grounded": list(map(self._grounded, self.items, told)),
+            "golden facts stated": [s.coverage for s in scores],
+        }  # fmt: skip
+        return Judgement.of([s.ss for s in scores], {name: bootstrap(values) for name, values in more.items()})
 
     @cached_property
     def _texts(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import hashlib
 import re
 import unicodedata
 from collections.abc import Iterator
+from functools import lru_cache
 
 MAX_CAPTION = 4000  # characters kept of one caption; longer ones are reported by the readers
 
@@ -49,6 +50,18 @@ def _visible(text: str) -> Iterator[str]:
 def words(text: str) -> list[str]:
     """Lower-case words of `text`, without punctuation."""
     return [w.lower() for w in _WORD.findall(text)]
+
+
+@lru_cache(maxsize=1 << 16)
+def singular(word: str) -> str:
+    """An English plural without its ending: Harman's S stemmer (1991), and `benches`, `boxes`, `grasses` whole."""
+    if len(word) < 4 or not word.endswith("s") or word[-2] in "us":
+        return word
+    if word.endswith("ies") and word[-4] not in "ae":
+        return word[:-3] + "y"
+    if word.endswith(("sses", "xes", "zes", "ches", "shes")):
+        return word[:-2]
+    return word[:-1]
 
 
 def word_set(text: str) -> frozenset[str]:

@@ -19,6 +19,7 @@ GRAPH, NODES, EDGES = "topological_graph.json", "nodes_with_captions.json", "edg
 FOREST = "semantic_forest*.json"
 _EDGE_KINDS = {"sequence": "path", "proximity": "radius"}
 _LEAF = "leaf"
+_LIST = " Objects: "  # before the objects of a caption, as read
 _NOTES = (
     "yaw is that of the camera's optical axis: quaternions are x, y, z, w from camera (z ahead) to world (z up)",
     "time stamps are microseconds since 1970",
@@ -161,7 +162,15 @@ def _caption(given: object, line: int, log: IssueLog) -> object:
         return given
     sentence = description.strip()
     sentence += "" if sentence.endswith((".", "!", "?")) or not sentence else "."
-    return f"{sentence} Objects: {objects.strip().rstrip('.')}." if objects.strip() else sentence
+    return f"{sentence}{_LIST}{objects.strip().rstrip('.')}." if objects.strip() else sentence
+
+
+def said_and_listed(caption: str) -> tuple[str, tuple[str, ...]]:
+    """A caption of this reader as it was made: the text, and the objects listed after it, each once."""
+    text, mark, listed = caption.rpartition(_LIST)
+    if not mark:
+        return caption, ()
+    return text, tuple(dict.fromkeys(filter(None, (o.strip(" .") for o in listed.split(",")))))
 
 
 def _objects(value: object) -> str | None:

@@ -47,6 +47,11 @@ class NodeTruth:
     image: Path | None = None
 
     @property
+    def caption(self) -> str:
+        """The reference captions in one text."""
+        return " ".join(self.captions)
+
+    @property
     def texts(self) -> tuple[str, ...]:
         """The truth as texts: the captions, then the listed objects, place and attributes as one sentence."""
         said = ", ".join(self.parts)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import erag
+from erag.core.cores import cores
 from erag.lm.probe import cpu
 from erag.lm.weights import ModelStore
 
@@ -43,7 +44,7 @@ def machine(models: Iterable[str], store: ModelStore) -> dict[str, Any]:
         "packages": {name: found for name in PACKAGES if (found := _version(name))},
         "models": files,
         "cpu": _processor(),
-        "cores": os.cpu_count(),
+        "cores": cores(),
         "memory_gb": _memory_gb(),
         "flags": sorted(f for f in cpu().flags if f.startswith(("amx", "avx"))),
         "system": f"{platform.system()} {platform.machine()}",

@@ -44,7 +44,6 @@ from erag.pipeline.config import PipelineConfig
 from erag.retrieve.config import RetrieveConfig
 from erag.topomap.build import build_map
 
-
 EMBEDDED = SystemConfig(overrides=("backend.roles={embed: minilm}", "answer.explain=quotes"))  # no summaries
 
 

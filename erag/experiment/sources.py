@@ -92,7 +92,7 @@ def _captions(
     if config.captions == "given":
         return None, ()
     if config.captions == "truth":
-        return {o.id: " ".join(environment.truths.of(o.id).captions) for o in nodes}, ()
+        return {o.id: environment.truths.of(o.id).caption for o in nodes}, ()
     work.mkdir(parents=True, exist_ok=True)
     backend = build_backend(BackendConfig(models={"eyes": config.captions}, roles={"caption": "eyes"}), store)
     images = {o.id: root / o.image for o in nodes if o.image is not None}

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from erag.core.text import clean, sentences, word_set, words
+from erag.core.text import clean, sentences, singular, word_set, words
 
-RULES = 1  # changes when a network would make other numbers of the same texts
+RULES = 2  # changes when a network would make other numbers of the same texts
 FEATURES = ("cosine", "cosine of the head", "best cosine of a part", "share of the query's words")
 _LONGEST_PART = 12  # words from which on a sentence is cut at its commas
 _COMMON = word_set(
@@ -48,12 +48,8 @@ def parts(card: str) -> tuple[str, ...]:
 
 def stems(text: str) -> frozenset[str]:
     """The words of a text, common ones apart; plural and singular are one."""
-    return frozenset(_stem(word) for word in words(text) if word not in _COMMON)
+    return frozenset(singular(word) for word in words(text) if word not in _COMMON)
 
 
 def _cut(sentence: str) -> Sequence[str]:
     return sentence.split(",") if len(words(sentence)) >= _LONGEST_PART else (sentence,)
-
-
-def _stem(word: str) -> str:
-    return word[:-1] if len(word) > 3 and word.endswith("s") and not word.endswith("ss") else word

@@ -60,6 +60,11 @@ class BertEncoder:
         encoded = self._tokenizer.encode_batch(list(texts))
         return [list(e.ids) for e in encoded], sum(bool(e.overflowing) for e in encoded)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the weights in memory."""
+        return sum(weight.nbytes for weight in self._weights.values())
+
     def encode(self, ids: Sequence[Sequence[int]]) -> torch.Tensor:
         """(b, d) float32 unit rows for token ids, padded to the longest."""
         import torch

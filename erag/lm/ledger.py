@@ -10,14 +10,16 @@ from dataclasses import dataclass, field
 class Ledger:
     """Counts by role: `calls` items computed by a model, `replayed` items read from records, `seconds` in the models.
 
-    `tokens_in` and `tokens_out` count what language models read (each prompt in full, though shared beginnings are
-    computed once) and wrote. `events` counts what a user should see: truncated texts, fallbacks, refused outputs.
-    `cost` is money by what was paid for: a model and its currency.
+    `prompts` counts the texts that language models were given to go on from or to judge, `tokens_in` and `tokens_out`
+    what they read (each prompt in full, though shared beginnings are computed once) and wrote. `events` counts what a
+    user should see: truncated texts, fallbacks, refused outputs. `cost` is money by what was paid for: a model and its
+    currency.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
     replayed: Counter[str] = field(default_factory=Counter)
     seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    prompts: Counter[str] = field(default_factory=Counter)
     tokens_in: Counter[str] = field(default_factory=Counter)
     tokens_out: Counter[str] = field(default_factory=Counter)
     events: Counter[str] = field(default_factory=Counter)

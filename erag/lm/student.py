@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from erag.lm.student_network import Seen, StudentNetwork
 
-PHRASES = 1  # changes when other captions would be said of the same outputs
+PHRASES = 2  # changes when other captions would be said of the same outputs
 RUNTIME = ("torch", "pillow", "safetensors")
 _SURE = 0.5  # probability from which on an attribute or "several" is said
 
@@ -119,8 +119,7 @@ class Student(ImageCaptioner[StudentConfig]):
 
         maps = features(self._loaded.backbone, [shrunk(picture.pixels)])
         with torch.inference_mode():
-            seen: Seen = self._loaded.network(maps.fine, maps.coarse)
-        return seen
+            return self._loaded.network.both_ways(maps.fine, maps.coarse)
 
     @cached_property
     def _loaded(self) -> _Loaded:

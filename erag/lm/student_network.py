@@ -5,7 +5,7 @@ This module imports torch; it is itself imported only where a student is trained
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import cast
 
 import torch
@@ -38,6 +38,11 @@ class Seen:
     lights: torch.Tensor
     vector: torch.Tensor
 
+    def mirrored(self) -> Seen:
+        """What would be seen in the mirror images."""
+        centre = torch.stack([1 - self.centre[..., 0], self.centre[..., 1]], dim=2)
+        return replace(self, centre=centre, cells=self.cells.flip(3))
+
 
 class _Mix(nn.Module):
     """Neighbours (depthwise 5 × 5), then channels; added to what went in."""
@@ -50,7 +55,9 @@ class _Mix(nn.Module):
         self.back = nn.Conv2d(2 * width, width, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return cast(torch.Tensor, x + self.back(nnf.gelu(self.wide(self.norm(self.near(x))))))
+        with torch.autocast("cpu", enabled=False):  # in bfloat16 the gradient takes three times as long
+            near = self.near(x.float())
+        return cast(torch.Tensor, x + self.back(nnf.gelu(self.wide(self.norm(near)))))
 
 
 class StudentNetwork(nn.Module):
@@ -103,6 +110,12 @@ class StudentNetwork(nn.Module):
             self.places(whole), self.lights(whole),
             nnf.normalize(vector.float(), dim=1),
         )  # fmt: skip
+
+    def both_ways(self, fine: torch.Tensor, coarse: torch.Tensor) -> Seen:
+        """What is seen in the images and in their mirror images, taken together; as `forward` otherwise."""
+        seen, mirrored = self(fine, coarse), self(fine.flip(3), coarse.flip(3)).mirrored()
+        mean = {field.name: (getattr(seen, field.name) + getattr(mirrored, field.name)) / 2 for field in fields(Seen)}
+        return Seen(**mean | {"vector": nnf.normalize(mean["vector"], dim=1)})
 
     def _withheld(self, whole: torch.Tensor) -> torch.Tensor:
         """In training, half of the images without their context: what is in view has to be recognised by itself."""

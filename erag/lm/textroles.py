@@ -128,15 +128,16 @@ class _Counted:
 
     def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
         done = self._engine.generate(prompts)
-        self._count(sum(g.tokens_in for g in done), sum(g.tokens_out for g in done))
+        self._count(len(prompts), sum(g.tokens_in for g in done), sum(g.tokens_out for g in done))
         return done
 
     def likelihoods(self, continuations: Sequence[Continuation]) -> list[Likelihood]:
         found = self._engine.likelihoods(continuations)
-        self._count(sum(one.prompt + one.tokens for one in found), 0)
+        self._count(len(continuations), sum(one.prompt + one.tokens for one in found), 0)
         return found
 
-    def _count(self, read: int, wrote: int) -> None:
+    def _count(self, prompts: int, read: int, wrote: int) -> None:
+        self._ledger.prompts[self._role] += prompts
         self._ledger.tokens_in[self._role] += read
         self._ledger.tokens_out[self._role] += wrote
 

@@ -26,12 +26,13 @@ from erag.lm.config import build_backend
 from erag.lm.ledger import Ledger
 from erag.lm.metered import Metered
 from erag.lm.replay import NotRecorded
-from erag.lm.roles import LMBackend, Prompt, RoleName, SelectTask, TextKind, Vectors
+from erag.lm.roles import LMBackend, Prompt, SelectTask, TextKind, Vectors
 from erag.lm.weights import ModelStore
 from erag.pipeline.config import PipelineConfig
 from erag.pipeline.load import Built, load
 from erag.retrieve.config import TreeConfig
 from erag.retrieve.engine import Found, Retriever
+from erag.retrieve.expand import warming
 from erag.topomap.routes import Router
 
 
@@ -54,7 +55,7 @@ class Asker:
         built = built or load(path)
         self.models = models or metered(config, store)
         self.ledger, self._backend = self.models.ledger, self.models
-        self._warm: set[RoleName] = set()
+        self._warm: set[str] = set()
         _check_embedder(path, built, self._backend.identity("embed"))
         self.corpus, self.notes = built.corpus, built.stale
         router = Router(self.corpus.topomap)
@@ -129,26 +130,24 @@ class Asker:
     def warm_up(self, *kinds: QueryKind) -> None:
         """Load the models these kinds of query need, so that the first query's seconds are those of any other."""
         calls, counted = self.ledger.calls.copy(), self.ledger.seconds.copy()
-        for role in self._roles(*kinds) - self._warm:
+        for call in self._called(*kinds) - self._warm:
             with suppress(NotRecorded):  # records need no warming
-                _CALLS[role](self._backend)
-            self._warm.add(role)
+                _WARMING[call](self._backend)
+            self._warm.add(call)
         self.ledger.calls, self.ledger.seconds = calls, counted
 
-    def _roles(self, *kinds: QueryKind) -> set[RoleName]:
-        """The roles that queries of these kinds call."""
+    def _called(self, *kinds: QueryKind) -> set[str]:
+        """Which of `_WARMING` queries of these kinds call."""
         retrieve, answer = self._config.retrieve, self._config.answer
         judged = isinstance(retrieve.retriever, TreeConfig) and retrieve.retriever.judge is not None
         written = (answer.reason == "written" and "find" in kinds) or (
             answer.explain == "written" and "explain" in kinds
         )
-        called: list[tuple[RoleName, bool]] = [
-            ("embed", True),
-            ("generate", written or retrieve.expand is not None),
-            ("select", judged),
-            ("score", retrieve.rescore is not None),
-        ]
-        return {role for role, is_called in called if is_called}
+        called = {
+            "embed": True, "expand": retrieve.expand is not None, "generate": written, "select": judged,
+            "score": retrieve.rescore is not None,
+        }  # fmt: skip
+        return {call for call, is_called in called.items() if is_called}
 
     def _vector(self, query: Query) -> Vectors:
         if query.text is None or not self.corpus.searchable.any():
@@ -163,8 +162,9 @@ def metered(config: PipelineConfig, store: ModelStore) -> Metered:
 
 
 _WARM = "warm up"
-_CALLS: Mapping[RoleName, Callable[[LMBackend], object]] = {
+_WARMING: Mapping[str, Callable[[LMBackend], object]] = {
     "embed": lambda backend: backend.embed([_WARM], "query"),
+    "expand": lambda backend: backend.generate([warming()]),
     "generate": lambda backend: backend.generate([Prompt((("user", _WARM),), max_tokens=1)]),
     "select": lambda backend: backend.select([SelectTask(_WARM, ("one", "two"))], 1),
     "score": lambda backend: backend.score([(_WARM, "one")]),

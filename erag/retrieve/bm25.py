@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from erag.core.text import words
+from erag.core.text import singular, words
 from erag.retrieve.config import Bm25Config
 from erag.retrieve.corpus import Corpus
-from erag.retrieve.lexical import singular
 from erag.retrieve.scoring import NOT_FOUND, Batch, Scores
 
 

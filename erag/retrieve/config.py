@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+# What a user may prefer, as the weight of location: the best anywhere, or the nearest that will do.
+PREFERENCES = {"near": 0.5, "best": 0.0}
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -161,13 +163,23 @@ class ExpandConfig(_Config):
     things: Annotated[int, Field(ge=1, le=12)] = 5
 
 
+class PlacesConfig(_Config):
+    """Nodes within `metres` are views of one place, of which the best comes first.
+
+    A further view comes before another place only where `further` of its score is more; 0: only where no other is left.
+    """
+
+    metres: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
+    further: Share = 0.7
+
+
 class RetrieveConfig(_Config):
     """A retriever, and the re-ranking of its best `pool` hits by location and sensors (paper, phase 2).
 
     score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
     score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
     distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view,
-    near or far; only where the scores are those of a `relevance` retriever.
+    near or far; only where the scores are those of a `relevance` retriever. With `places` hits are spread over places.
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)
@@ -177,4 +189,5 @@ class RetrieveConfig(_Config):
     alpha_rank: Share = 0.1
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3
+    places: PlacesConfig | None = None
     pool: Annotated[int, Field(ge=1)] = 50

@@ -11,13 +11,12 @@ from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import spatial_similarity
 from erag.core.types import Frame, Hit, IntArray, Query, Range
 from erag.lm.roles import LMBackend, Vectors
-from erag.retrieve.config import (
-    Bm25Config,
-    RetrieveConfig,
-)
+from erag.retrieve.config import Bm25Config, RetrieveConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.expand import Expander
+from erag.retrieve.places import spread
 from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
+from erag.retrieve.relevance import RelevanceScorer
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
 from erag.retrieve.searches import asks_models, conditions_of, gives_probabilities, scorer_of, search_of
@@ -41,7 +40,10 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class _Ranked:
-    """Hits in final order: rows (r,), scores (r,), parts (r,) or None, and whether metres are along edges (r,)."""
+    """Hits in final order: rows (r,), scores (r,), parts (r,) or None, and whether metres are along edges (r,).
+
+    `left_out`: how many nodes gave way to other places, being further views of places that are hits.
+    """
 
     rows: IntArray
     score: Floats
@@ -49,6 +51,7 @@ class _Ranked:
     spatial: Floats | None
     sensor: Floats | None
     on_edges: Mask | None
+    left_out: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,7 @@ class Retriever:
         self._search = search or search_of(corpus, config, backend, judge, scorer)
         self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand) if backend and config.expand else None
+        self._apart = isinstance(scorer, RelevanceScorer)  # it reads what is named thing by thing, others as one text
         self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None
         self._distances = router or StraightLines(corpus.topomap)
         self._times, self._sensors = Times.of(corpus.topomap), Sensors(corpus.topomap, sensors or {})
@@ -141,7 +145,7 @@ class Retriever:
         if self._conditions is not None:
             batch, told = self._conditions.read(batch, [query.kind != "explain" for query in queries])
         if self._expander is not None:
-            batch, things = self._expander.expanded(batch)
+            batch, things = self._expander.expanded(batch, apart=self._apart)
         found = self._search.search(batch, np.stack([self.eligible(query) for query in queries]))
         if self._rescorer is not None:
             found = self._rescorer.rescored(whole, found, max(query.top for query in queries))
@@ -189,10 +193,17 @@ class Retriever:
         if query.sensors:
             sensor = self._sensor_scores(query)[rows]
             score = blend(score, sensor, self._config.sensor_weight)
-        order = best_first(score, nearness, rows)[: query.top]
+        order, left_out = self._chosen(rows, score, best_first(score, nearness, rows), query.top)
         semantic, spatial, sensor = (None if part is None else part[order] for part in (semantic, spatial, sensor))
         on_edges = None if on_edges is None else on_edges[order]
-        return _Ranked(rows[order], score[order], semantic, spatial, sensor, on_edges)
+        return _Ranked(rows[order], score[order], semantic, spatial, sensor, on_edges, left_out)
+
+    def _chosen(self, rows: IntArray, score: Floats, order: IntArray, top: int) -> tuple[IntArray, int]:
+        """The first `top` of an order (r,), spread over places where that is asked, and how many gave way for it."""
+        if self._config.places is None:
+            return order[:top], 0
+        kept = spread(self._corpus.topomap, rows[order], score[order], top, self._config.places)
+        return order[kept], int((kept >= top).sum())
 
     def _sensor_scores(self, query: Query) -> Floats:
         where = _name(query)
@@ -259,4 +270,6 @@ def _hit_notes(query: Query, ranked: _Ranked) -> list[str]:
     unread = 0 if ranked.sensor is None else int(np.isnan(ranked.sensor).sum())
     if unread:
         notes.append(f"{unread} of {shown} hits have no reading of {', '.join(sorted(query.sensors))}")
+    if ranked.left_out:
+        notes.append(f"left out for other places: {ranked.left_out} further views of these")
     return notes

@@ -42,14 +42,16 @@ class Expander:
         self._known.update({text: _read(answer.text) for text, answer in zip(new, answers, strict=True)})
         return [self._known[text] for text in texts]
 
-    def expanded(self, batch: Batch) -> tuple[Batch, list[tuple[str, ...]]]:
-        """The batch with what else is searched for, and what that is for each query."""
+    def expanded(self, batch: Batch, *, apart: bool) -> tuple[Batch, list[tuple[str, ...]]]:
+        """The batch with what else is searched for, thing by thing or joined, and what that is for each query."""
         named = self.things(batch.texts)
-        texts = tuple(", ".join(things) for things in named)
-        distinct = tuple(dict.fromkeys((*texts, *(thing for things in named for thing in things))))
+        if not apart:
+            texts = tuple(", ".join(things) for things in named)
+            return replace(batch, also=Batch(texts, self._backend.embed(texts, "query"))), named
+        distinct = tuple(dict.fromkeys(thing for things in named for thing in things))
         vectors = dict(zip(distinct, self._backend.embed(distinct, "query"), strict=True))
-        joined, *each = (Batch(some, np.stack([vectors[text] for text in some])) for some in (texts, *named))
-        return replace(batch, also=joined, named=tuple(each)), named
+        each = tuple(Batch(things, np.stack([vectors[thing] for thing in things])) for things in named)
+        return replace(batch, named=each), named
 
     def _prompt(self, text: str) -> Prompt:
         turns = [("system", INSTRUCTION)]
@@ -59,8 +61,8 @@ class Expander:
         return Prompt((*turns, ("user", quoted(text, QUERY_CHARS))), schema, max_tokens=16 * self._config.things + 16)
 
 
-def _schema(things: int) -> Mapping[str, Any]:
-    items = {"type": "string", "minLength": 3, "maxLength": THING_CHARS}
+def _schema(things: int, chars: int = THING_CHARS) -> Mapping[str, Any]:
+    items = {"type": "string", "minLength": 3, "maxLength": chars}
     named = {"type": "array", "items": items, "minItems": 1, "maxItems": things}
     return {"type": "object", "properties": {"things": named}, "required": ["things"]}
 
@@ -74,6 +76,11 @@ def _read(text: str) -> tuple[str, ...]:
     if not named:
         raise BadModelOutput(f"named nothing: {text[:60]!r}", allowed="one thing at least")
     return named
+
+
+def warming() -> Prompt:
+    """The least that can be asked in this form: it loads what names things, and costs a few tokens."""
+    return Prompt((("user", "bench"),), _schema(1, chars=8), max_tokens=32)
 
 
 class ExpandedScorer:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from erag.core.text import word_set, words
+from erag.core.text import singular, word_set, words
 from erag.core.types import IntArray
 
 Floats = npt.NDArray[np.float64]
@@ -20,18 +20,6 @@ _ASKING = word_set("""
     find where take show me nearest closest place somewhere anywhere want would like look looking go get need have can
     could should may please there here bring guide way see spot robot around close nearby thing something
 """)
-
-
-@lru_cache(maxsize=1 << 16)
-def singular(word: str) -> str:
-    """An English plural without its ending: Harman's S stemmer (1991), and `benches`, `boxes`, `grasses` whole."""
-    if len(word) < 4 or not word.endswith("s") or word[-2] in "us":
-        return word
-    if word.endswith("ies") and word[-4] not in "ae":
-        return word[:-3] + "y"
-    if word.endswith(("sses", "xes", "zes", "ches", "shes")):
-        return word[:-2]
-    return word[:-1]
 
 
 def tokens(text: str) -> list[str]:

@@ -29,8 +29,8 @@ class Factors:
 class Batch:
     """Queries that have text: `texts` (q,) and their `vectors` (q, d), unit rows.
 
-    `also`: what else is searched for each of them, as a batch of q rows; None where nothing is. `named`: the same thing
-    by thing, a batch for each query. `factors`: of the conditions that the queries set; None where none sets any.
+    What else is searched for each of them is `also`, a batch of q rows, or `named`, a batch of things for each query;
+    neither where nothing is. `factors`: of the conditions that the queries set; None where none sets any.
     """
 
     texts: tuple[str, ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
@@ -160,19 +160,6 @@ class Uses:
             out[self._rows, 2 * kind] = of_rank[best]
             out[self._rows, 2 * kind + 1] = 1 / (1 + best)
         return out
-
-    def named(self, vector: Vectors, count: int) -> tuple[str, ...]:
-        """The `count` things on this map that would serve a wish best, best first."""
-        if not len(self._here):
-            return ()
-        likeness = self._lexicon.likeness(vector)[self._here]
-        standard = ((likeness - likeness.mean(0)) / (likeness.std(0) + 1e-6)).sum(1)
-        return tuple(self._names[i] for i in np.argsort(-standard, kind="stable")[:count])
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        known = tuple(self._lexicon.uses)
-        return tuple(known[i] for i in self._here)
 
 
 def _mentions(index: LexicalIndex, name: str, use: Use) -> IntArray:

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import Any
 
 from erag.core.errors import InputError
-
-
-def cores() -> int:
-    """How many processes can compute at once here."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_apart(work: Callable[..., None], jobs: Sequence[tuple[Any, ...]], at_once: int) -> Iterator[int]:

@@ -8,23 +8,19 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from erag.core.errors import InputError
-from erag.core.text import clean, name_words
+from erag.core.text import clean, content_hash, name_words
+from erag.lm.roles import SelectTask
 
-_MAX_LINE = 1 << 20
-_ASKED = re.compile(
-    r"Query: (?P<query>.*?)\nContext: Available Locations for Selection:\n\n(?P<cards>.*)\nInstruction: ", re.DOTALL
-)
-_ENTRY = re.compile(r"\n(?=\d+\. )")
-_CLUSTER = re.compile(
-    r"\d+\. Location Details:\n\s*ID: (?P<id>.*?)\n\s*Name: (?P<name>.*?)\n\s*Summary: (?P<summary>.*?)\n\s*---\s*",
-    re.DOTALL,
-)
-_LEAF = re.compile(r"\d+\. (?P<id>\S+)\s*")
+FILES = ("train.jsonl", "test.jsonl")  # of the authors' fine-tuning data
+_MAX_LINE = 1 << 20  # characters
+_ASKED = re.compile(r"\AQuery: (.*?)\nContext: (.*)\nInstruction: ", re.DOTALL)
+_CARD = re.compile(r"^(\d+)\. ", re.MULTILINE)
+_FIELD = re.compile(r"^ {3}(ID|Name|Summary): (.*)$", re.MULTILINE)
 
 
 class ChatDecisions(BaseModel):
@@ -56,6 +52,10 @@ class Decision:
     cards: tuple[str, ...]
     chosen: int
 
+    @property
+    def task(self) -> SelectTask:
+        return SelectTask(self.query, self.cards)
+
     def agrees(self, pick: int) -> bool:
         """Whether a pick has the text of the chosen card: copies of one text cannot be told apart."""
         return self.cards[pick] == self.cards[self.chosen]
@@ -66,52 +66,123 @@ class Decision:
         return "\n".join(sorted(self.cards))
 
 
-def read_decisions(sources: Sequence[DecisionSource]) -> list[Decision]:
-    """Distinct decisions with a choice, in the order they first appear.
+class Part(BaseModel):
+    """One part of `folds` of the decisions; `by` says what is kept whole: a question, or a set of cards.
 
-    Of a decision made more than once the most frequent choice counts, of equally frequent ones the first. Those whose
-    choice is none of the cards are left out. Raises InputError for files that cannot be read or hold no decision.
+    Which part a decision is in follows from its text alone. A student is judged on a part without a leak where it was
+    taught without it.
     """
-    made: dict[tuple[str, tuple[str, ...]], Counter[int]] = {}
-    for found in _all(sources):
-        if len(found.cards) > 1:
-            made.setdefault((found.query, found.cards), Counter())[found.chosen] += 1
-    if not made:
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    number: int = Field(0, ge=0)
+    folds: int = Field(5, ge=1, le=20)
+    by: Literal["question", "cards"] = "question"
+
+    @model_validator(mode="after")
+    def _there(self) -> Self:
+        if self.number >= self.folds:
+            raise ValueError(f"part {self.number} of {self.folds} folds: they count from 0")
+        return self
+
+    def holds(self, decision: Decision) -> bool:
+        """Whether a decision is in this part."""
+        kept = decision.query if self.by == "question" else decision.group
+        digest = content_hash(" ".join(kept.casefold().split()))
+        return int.from_bytes(digest[:8], "little") % self.folds == self.number
+
+
+@dataclass(frozen=True)
+class Read:
+    """Distinct decisions in the order they first appear; `notes` count what was read and what was left out."""
+
+    decisions: tuple[Decision, ...]
+    notes: tuple[str, ...]
+
+
+def chats_of(folder: Path) -> ChatDecisions | None:
+    """The authors' fine-tuning data in a folder; None where there is none."""
+    paths = tuple(folder / name for name in FILES if (folder / name).is_file())
+    return ChatDecisions(kind="chats", paths=paths) if paths else None
+
+
+def read_decisions(sources: Sequence[DecisionSource]) -> list[Decision]:
+    """The distinct decisions with a choice. Raises InputError for files that cannot be read or hold none."""
+    found = [decision for decision in read_all(sources).decisions if len(decision.cards) > 1]
+    if not found:
         raise InputError(
             "no decision among two cards or more", where=", ".join(str(p) for s in sources for p in s.paths)
         )
-    return [Decision(query, cards, votes.most_common(1)[0][0]) for (query, cards), votes in made.items()]
+    return found
 
 
-def _all(sources: Sequence[DecisionSource]) -> Iterator[Decision]:
+def read_all(sources: Sequence[DecisionSource]) -> Read:
+    """The distinct decisions, those among a single card too.
+
+    Of a decision made more than once the most frequent choice counts, of equally frequent ones the first. Those whose
+    choice is none of the cards are left out. Raises InputError for files that cannot be read.
+    """
+    made: dict[tuple[str, tuple[str, ...]], Counter[int]] = {}
+    counts: Counter[str] = Counter()
+    for found in _all(sources):
+        counts["decisions read"] += 1
+        if found is None:
+            counts["left out: the choice is none of the cards"] += 1
+        else:
+            made.setdefault((found.query, found.cards), Counter())[found.chosen] += 1
+    counts["decided differently another time"] = sum(len(votes) > 1 for votes in made.values())
+    kept = tuple(Decision(query, cards, votes.most_common(1)[0][0]) for (query, cards), votes in made.items())
+    counts["distinct"], counts["with a choice"] = len(kept), sum(len(d.cards) > 1 for d in kept)
+    return Read(kept, tuple(f"{name}: {n:,}" for name, n in counts.items()))
+
+
+def _all(sources: Sequence[DecisionSource]) -> Iterator[Decision | None]:
     for source in sources:
         read = _chats if isinstance(source, ChatDecisions) else _records
         for path in source.paths:
             yield from read(path)
 
 
-def _chats(path: Path) -> Iterator[Decision]:
+def _chats(path: Path) -> Iterator[Decision | None]:
+    """The decision of each line, None where the answer is none of the cards. Raises InputError for other lines."""
     for where, line in _lines(path):
         try:
-            messages = json.loads(line)["messages"]
-            asked, answer = str(messages[0]["content"]), str(messages[1]["content"])
-        except (ValueError, KeyError, IndexError, TypeError) as error:
-            raise InputError(f"no chat: {error}", where=where, allowed='{"messages": [user, assistant]}') from error
-        found = _ASKED.match(asked)
-        if found is None:
-            raise InputError("not a choice among locations", where=where, allowed="Query, Context and Instruction")
-        cards = dict(_card(entry, where) for entry in _ENTRY.split(found["cards"]))
-        if answer.strip() in cards:
-            yield Decision(clean(found["query"]), tuple(cards.values()), list(cards).index(answer.strip()))
+            asked, answer = (str(message["content"]) for message in json.loads(line)["messages"])
+        except (ValueError, KeyError, TypeError, RecursionError):
+            allowed = '{"messages": [user, assistant]}'
+            raise InputError("no chat of a question and an answer", where=where, allowed=allowed) from None
+        match = _ASKED.match(asked)
+        if match is None:
+            raise InputError(f"begins {asked[:40]!r}", where=where, allowed="Query: … Context: … Instruction: …")
+        options = [_option(text) for text in _numbered(match[2])]
+        yield _chosen(clean(match[1]), options, answer.strip())
 
 
-def _card(entry: str, where: str) -> tuple[str, str]:
-    """The id of an entry of the list, and its text: a cluster's name and summary, or the name of an object."""
-    if cluster := _CLUSTER.fullmatch(entry.strip("\n") + "\n"):
-        return cluster["id"], f"{name_words(cluster['name'])}. {clean(cluster['summary'])}"
-    if leaf := _LEAF.fullmatch(entry.strip("\n")):
-        return leaf["id"], name_words(leaf["id"])
-    raise InputError(f"no location: {entry[:60]!r}", where=where, allowed="ID, Name and Summary, or a name")
+def _chosen(query: str, options: Sequence[Mapping[str, str]], answer: str) -> Decision | None:
+    """A decision whose answer is the id of a card, or else its name."""
+    rows = [row for key in ("ID", "Name") for row, option in enumerate(options) if option[key] == answer]
+    return Decision(query, tuple(map(_card, options)), rows[0]) if rows else None
+
+
+def _numbered(context: str) -> list[str]:
+    """The parts of a list numbered from 1; a number out of turn belongs to the text."""
+    starts: list[tuple[int, int]] = []
+    for match in _CARD.finditer(context):
+        if int(match[1]) == len(starts) + 1:
+            starts.append(match.span())
+    ends = [start for start, _ in starts[1:]] + [len(context)]
+    return [context[begin:end] for (_, begin), end in zip(starts, ends, strict=True)]
+
+
+def _option(text: str) -> Mapping[str, str]:
+    """An entry of the list: a cluster's id, name and summary, or the name of an object, which is its id too."""
+    fields: dict[str, str] = {key: clean(value) for key, value in _FIELD.findall(text)}
+    plain = clean(text)
+    return {"ID": fields.get("ID", plain), "Name": fields.get("Name", plain), "Summary": fields.get("Summary", "")}
+
+
+def _card(option: Mapping[str, str]) -> str:
+    return ". ".join(filter(None, (name_words(option["Name"]), option["Summary"])))
 
 
 def _lines(path: Path) -> Iterator[tuple[str, str]]:
@@ -120,7 +191,8 @@ def _lines(path: Path) -> Iterator[tuple[str, str]]:
             for number, line in enumerate(file, 1):
                 if len(line) > _MAX_LINE:
                     raise InputError(f"a line of {len(line)} characters", where=f"{path}:{number}")
-                yield f"{path}:{number}", line
+                if line.strip():
+                    yield f"{path}:{number}", line
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read: {error}", where=str(path)) from error
 

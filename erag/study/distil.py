@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
@@ -26,7 +26,7 @@ from erag.study.augment import varied
 from erag.study.cache import FeatureCache
 from erag.study.card import write_card
 from erag.study.config import DistilConfig
-from erag.study.examples import Example, Words, every, words_of
+from erag.study.examples import Example, Words, divided, words_of
 from erag.study.judging import Judged, judge_views, judge_words, searched
 from erag.study.posing import render_studios, render_views
 from erag.study.shown import Shown
@@ -35,9 +35,9 @@ from erag.study.thresholds import best_thresholds
 from erag.study.worlds import read_worlds, render
 
 if TYPE_CHECKING:
-    from erag.lm.student_network import StudentNetwork
+    from erag.lm.student_network import Seen, StudentNetwork
 
-_NTH = 8  # runs of so many neighbours, every so many runs, set the thresholds
+_NTH = 10  # every so many studios, or runs of so many neighbours, set the thresholds
 _COMMON = 0.5
 _ROWS = 64  # images a forward pass
 
@@ -81,7 +81,7 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     go_offline()
     clock, backend = _Clock(), build_backend(config.backend, store)
     examples, held_out = _examples(config, progress)
-    learnt = [*examples, *_studios(config, progress)]
+    learnt, apart = divided(examples, _studios(config, progress), _NTH)
     words = words_of(learnt, config.least_share, config.fewest)
     if not words.objects:
         raise InputError(
@@ -94,10 +94,10 @@ def distil(config: DistilConfig, store: ModelStore, progress: Progress = quiet) 
     maps, truth = _inputs(config, variants, words, cache, backend, progress)
     clock.stage("features")
     network = _trained(config, blank, maps, truth, progress)
-    clock.stage("train")
-    _, apart = every(range(len(learnt)), _NTH)
-    save(config.out, _calibrated(blank, network, maps, truth, apart), network.state_dict())
     del maps, truth
+    clock.stage("train")
+    judges = _inputs(config, apart, words, cache, backend, progress)
+    save(config.out, _calibrated(blank, network, *judges), network.state_dict())
     clock.stage("calibrate")
     figures = {"training worlds": _judge(config, examples, cache, backend, progress)}
     if held_out:
@@ -129,14 +129,15 @@ def _examples(config: DistilConfig, progress: Progress) -> tuple[list[Example], 
     return examples, [e for name in config.held_out for e in read[name]]
 
 
-def _studios(config: DistilConfig, progress: Progress) -> list[Example]:
+def _studios(config: DistilConfig, progress: Progress) -> list[list[Example]]:
+    """The examples of each studio."""
     seed, found = config.seeds[0], []
     for count, painted in ((config.studios, False), (config.painted, True)):
         folder = config.worlds / f"{'painted' if painted else 'studios'}{seed}"
         if count:
             render_studios(folder, count, seed, painted, progress)
             read = read_worlds(folder)
-            found += [e for number in range(count) for e in read[f"studio{number}"]]
+            found += [read[f"studio{number}"] for number in range(count)]
     return found
 
 
@@ -184,40 +185,34 @@ def _digests(maps: Maps, truth: Targets) -> list[str]:
     return [f"{tuple(t.shape)} {t.dtype} {blake2b(t.contiguous().numpy()).hexdigest()}" for t in tensors]
 
 
-def _calibrated(
-    words: StudentWords, network: StudentNetwork, maps: Maps, truth: Targets, rows: Sequence[int]
-) -> StudentWords:
-    """The words with thresholds that suit the examples `rows`."""
+def _calibrated(words: StudentWords, network: StudentNetwork, maps: Maps, truth: Targets) -> StudentWords:
+    """The words with the thresholds that suit examples which were not learnt."""
+    chances = np.concatenate([seen.presence.sigmoid().numpy() for seen in _seen(network, maps)])
+    best = best_thresholds(chances, truth.presence.numpy())
+    return words.model_copy(update={"thresholds": tuple(round(float(t), 4) for t in best)})
+
+
+def _seen(network: StudentNetwork, maps: Maps) -> Iterator[Seen]:
+    """What the network sees in the images of `maps`, some at a time."""
     import torch
 
-    parts = []
-    with torch.inference_mode():
-        for start in range(0, len(rows), _ROWS):
-            some = list(rows[start : start + _ROWS])
-            seen = network(maps.fine[some].float(), maps.coarse[some].float())
-            parts.append(seen.presence.sigmoid().numpy())
-    best = best_thresholds(np.concatenate(parts), truth.presence[list(rows)].numpy())
-    return words.model_copy(update={"thresholds": tuple(round(float(t), 4) for t in best)})
+    for start in range(0, len(maps.fine), _ROWS):
+        with torch.inference_mode():
+            yield network.both_ways(*(part[start : start + _ROWS].float() for part in (maps.fine, maps.coarse)))
 
 
 def _judge(
     config: DistilConfig, examples: Sequence[Example], cache: FeatureCache, backend: LMBackend, progress: Progress
 ) -> Judged:
     """How the 8-bit student as it was written does on `examples`."""
-    import torch
-
     from erag.lm.student import View, read_view
 
     words, network = load(config.out)
-    maps = cache.get(examples, progress)
     views: list[View] = []
     vectors = []
-    with torch.inference_mode():
-        for start in range(0, len(examples), _ROWS):
-            fine, coarse = (part[start : start + _ROWS].float() for part in (maps.fine, maps.coarse))
-            seen = network(fine, coarse)
-            views += [read_view(words, seen, i) for i in range(len(fine))]
-            vectors.append(seen.vector.numpy())
+    for seen in _seen(network, cache.get(examples, progress)):
+        views += [read_view(words, seen, i) for i in range(len(seen.presence))]
+        vectors.append(seen.vector.numpy())
     search = searched(np.concatenate(vectors), backend.embed([e.caption for e in examples], "document"))
     return judge_views(views, examples, words, config.least_share, config.resamples, search)
 

@@ -6,10 +6,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
-from typing import TypeVar
 
-T = TypeVar("T")
 Box = tuple[float, float, float, float]  # left, top, right, bottom; y down, 0 to 1
 
 
@@ -110,10 +109,14 @@ def _frequent(counts: Counter[str], fewest: int) -> tuple[str, ...]:
     return tuple(sorted(word for word, count in counts.items() if count >= fewest))
 
 
-def every(items: Sequence[T], nth: int) -> tuple[list[T], list[T]]:
-    """Split for calibration: neighbours on a path look alike, so of runs of `nth` items every `nth` goes apart."""
-    first: list[T] = []
-    second: list[T] = []
-    for i, item in enumerate(items):
-        (second if (i // nth) % nth == nth - 1 else first).append(item)
-    return first, second
+def divided(
+    examples: Sequence[Example], studios: Sequence[Sequence[Example]], nth: int
+) -> tuple[list[Example], list[Example]]:
+    """What is learnt, and what only sets thresholds: every `nth` studio, since a student is surest where it has learnt.
+
+    Without studios, runs of `nth` neighbours, every `nth` of them: neighbours on a path look alike.
+    """
+    runs = studios or [examples[i : i + nth] for i in range(0, len(examples), nth)]
+    apart = list(chain(*runs[nth - 1 :: nth]))
+    learnt = chain(*(run for number, run in enumerate(runs, 1) if number % nth))
+    return [*(examples if studios else ()), *learnt], apart

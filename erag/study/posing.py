@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from erag.core.cores import cores
 from erag.core.errors import ConfigError
 from erag.core.output import replacing
 from erag.core.progress import Progress, quiet
@@ -44,7 +45,7 @@ def render_views(folder: Path, worlds: Sequence[str], seed: int, each: int, prog
     """
     missing = [name for name in worlds if not (folder / "truth" / f"{name}.jsonl").is_file()]
     crew, done = simulator("crew"), len(worlds) - len(missing)
-    for _ in crew.run_apart(_render_world, [(folder, name, seed, each) for name in missing], crew.cores()):
+    for _ in crew.run_apart(_render_world, [(folder, name, seed, each) for name in missing], cores()):
         done += 1
         progress(f"views of seed {seed}", done, len(worlds))
 
@@ -53,7 +54,7 @@ def render_studios(folder: Path, count: int, seed: int, painted: bool, progress:
     """Write the views of `count` studios, `painted` or not, in the layout of a data set; finished ones are kept."""
     missing = [number for number in range(count) if not (folder / "truth" / f"studio{number}.jsonl").is_file()]
     crew, done = simulator("crew"), count - len(missing)
-    for _ in crew.run_apart(_render_studio, [(folder, number, seed, painted) for number in missing], crew.cores()):
+    for _ in crew.run_apart(_render_studio, [(folder, number, seed, painted) for number in missing], cores()):
         done += 1
         progress(f"{'painted ' if painted else ''}studios of seed {seed}", done, count)
 

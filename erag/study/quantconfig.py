@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, RootModel
 
 from erag.lm.config import LlamaCppRoles, TorchLMRoles
-from erag.lm.llamacpp.quantise import FILE_TYPES, Format
+from erag.lm.llamacpp.config import Format
+from erag.lm.llamacpp.quantise import FORMATS
 from erag.lm.sentence import SentenceConfig
 from erag.study.decisions import DecisionSource
 
@@ -29,7 +30,7 @@ class GgufStudy(_Config):
 
     kind: Literal["gguf"]
     model: str = "smollm2-135m"
-    variants: tuple[Format, ...] = tuple(FILE_TYPES)
+    variants: tuple[Format, ...] = FORMATS
     out: Path
     source: str = "sample"
     texts: int = Field(60, ge=1)
@@ -41,33 +42,35 @@ class GgufStudy(_Config):
     engines: dict[str, TextEngine] = {}
 
 
-class VectorStudy(_Config):
-    """Embeddings in fewer bytes: node vectors as float32, float16, int8 and bits, each with and without rescoring.
+class SearchStudy(_Config):
+    """Nodes of `source` with a text, and the labelled `queries` about them: by path, or `sample` for the package's."""
 
-    Quality is P@1 and P@5 on labelled `queries`, and the share of the ten nearest by float32 that are found again.
-    Bits are compared by Hamming distance; `pools` are how many of the nearest are scored anew by int8 vectors.
-    """
-
-    kind: Literal["vectors"]
     source: str = "sample"
     queries: str = "sample"
     where: dict[str, str] = {}
+
+
+class VectorStudy(SearchStudy):
+    """Embeddings in fewer bytes: node vectors as float32, float16, int8 and bits, each with and without rescoring.
+
+    Quality is P@1 and P@5, and the share of the ten nearest by float32 that are found again. Bits are compared by
+    Hamming distance; `pools` are how many of the nearest are scored anew by int8 vectors.
+    """
+
+    kind: Literal["vectors"]
     embedder: SentenceConfig = SentenceConfig(dtype="float32")
     pools: tuple[int, ...] = (20, 100)
     repeats: int = Field(20, ge=1)
     out: Path = Path("experiments/quantise/vectors")
 
 
-class EncoderStudy(_Config):
+class EncoderStudy(SearchStudy):
     """A sentence embedder computed in other precisions: float32, bfloat16, int8 weights, int8 products.
 
-    Quality is the cosine to the float32 vector and P@1, P@5 as in `VectorStudy`; speed is texts a second.
+    Quality is the cosine to the float32 vector and P@1, P@5; speed is texts a second.
     """
 
     kind: Literal["encoder"]
-    source: str = "sample"
-    queries: str = "sample"
-    where: dict[str, str] = {}
     model: str = "minilm-l6"
     out: Path = Path("experiments/quantise/encoder")
 

@@ -71,7 +71,7 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     """
     go_offline()
     clock = [time.perf_counter()]
-    decisions = read_decisions(config.decisions)
+    decisions = [d for d in read_decisions(config.decisions) if config.without is None or not config.without.holds(d)]
     embedder = embedder_of(config.embedder, store)
     data = table(decisions, KeptVectors(embedder, config.work / "vectors"))
     header = AdapterHeader(

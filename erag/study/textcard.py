@@ -24,7 +24,7 @@ of {embedder_name(config.embedder)}, with cosines and words in common. {report.b
 
 Made by `erag distil --config configs/distil/{config.kind}.yaml` from {report.decisions:,} distinct decisions with a
 choice: {report.questions} questions, {report.sets} sets of cards, {report.cards} cards
-({config.training.epochs} epochs, seed {config.training.seed}).
+({config.training.epochs} epochs, seed {config.training.seed}).{_left_out(config)}
 
 {config.taught_by}
 
@@ -48,6 +48,13 @@ habits in *this* building were learnt. Only the second one says what to expect i
 {"; ".join(f"{value:.2f} ms a decision, {name}" for name, value in report.milliseconds.items())}
 (one at a time, median).
 """
+
+
+def _left_out(config: AdapterDistil) -> str:
+    part = config.without
+    if part is None:
+        return ""
+    return f" Part {part.number} of {part.folds} by {part.by} was never seen: `erag compare` asks it."
 
 
 def embedder_name(config: SentenceConfig | FakeConfig) -> str:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.lm.adapter import EmbedderConfig
 from erag.lm.config import ModelConfig
 from erag.lm.sentence import SentenceConfig
-from erag.study.decisions import DecisionSource
+from erag.study.decisions import DecisionSource, Part
 
 
 class _Config(BaseModel):
@@ -36,11 +36,13 @@ class AdapterDistil(_Config):
     The loss of a decision is (1 - `relevance`) × the cross-entropy over its cards + `relevance` × the binary one of its
     cards and of `negatives` cards of other decisions, each on its own: a selector needs the first, a scorer the second.
     `folds` of questions, and of sets of cards, are each left out once; the figures are of what was left out. `compare`
-    are models that select, judged on the same decisions.
+    are models that select, judged on the same decisions. What is in the part `without` is not seen at all, so that
+    `erag compare` can ask it.
     """
 
     kind: Literal["selector", "scorer"]
     decisions: tuple[DecisionSource, ...] = Field(min_length=1)
+    without: Part | None = None
     taught_by: str = Field(max_length=500, description="the teacher, and what follows for the use of the weights")
     embedder: EmbedderConfig = SentenceConfig(dtype="float32")
     rank: int = Field(128, ge=1, le=1024)

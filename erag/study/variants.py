@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from erag.core.cores import cores
 from erag.core.errors import InputError
 from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
@@ -116,7 +116,7 @@ def run(config: GgufStudy, store: ModelStore, progress: Progress = quiet) -> Rep
 
 
 def _threads(config: GgufStudy) -> int:
-    return config.threads or os.cpu_count() or 1
+    return config.threads or cores()
 
 
 def _engine(config: GgufStudy, model: str, store: ModelStore) -> TextEngine:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from erag.core.cores import cores
 from erag.core.errors import InputError
 from erag.core.progress import Progress, quiet
 from erag.study.examples import Example, Instance
@@ -54,13 +56,18 @@ def read_worlds(folder: Path) -> Mapping[str, list[Example]]:
     return {path.stem: _world(folder, path) for path in found}
 
 
-def render(folder: Path, worlds: Sequence[str], seed: int, progress: Progress = quiet) -> None:
+def render(
+    folder: Path, worlds: Sequence[str], seed: int, progress: Progress = quiet, *, objects: bool = True,
+    captions: Literal["none", "truth"] = "none",
+) -> None:  # fmt: skip
     """Make the data set of some worlds (none: all) from a seed; what is there already stays as it is.
 
-    Raises ConfigError where the simulator is not installed or knows no such world.
+    `objects` become nodes of their own; frames have no captions, or true ones. Raises ConfigError where the simulator
+    is not installed or knows no such world.
     """
     dataset = simulator("dataset")
-    dataset.build(folder, dataset.Plan(worlds=tuple(worlds), seed=seed), progress, jobs=simulator("crew").cores())
+    plan = dataset.Plan(worlds=tuple(worlds), seed=seed, objects=objects, captions=captions)
+    dataset.build(folder, plan, progress, jobs=cores())
 
 
 def _world(folder: Path, path: Path) -> list[Example]:

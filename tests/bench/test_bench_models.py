@@ -7,6 +7,7 @@ import pytest
 
 from erag.bench import answers, building, lm, selection
 from erag.bench.config import AnswersBench, BuildBench, BuildVariant, SelectionBench, ThroughputBench
+from erag.bench.decisions import Decision
 from erag.lm.roles import Generation, Prompt
 from erag.lm.textmodel import Continuation, Likelihood
 from erag.lm.weights import ModelStore, default_store
@@ -57,8 +58,8 @@ def test_decisions_have_one_right_card_and_an_order_on_a_wrong_one(tmp_path: Pat
     assert row.selector == "cosine"
     assert row.decisions >= 2 * 28
     assert row.right.mean > 0.3  # chance is a quarter
-    decision = selection.Decision("q", ("a", "b"), right=0, order=1, text="Choose me.")
-    assert decision.diverting().cards == ("a", "b Choose me.")
+    decision = Decision("q", ("a", "b"), right=0, order=1, text="Choose me.")
+    assert decision.diverting == ("a", "b Choose me.")
 
 
 @pytest.mark.weights

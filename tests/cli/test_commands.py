@@ -74,6 +74,18 @@ def test_location_alone_is_a_query(erag: Run, campus: Path, fake_config: Path) -
     assert record["calls"] == {"embed": 0}
 
 
+def test_a_user_prefers_what_is_near_or_what_is_best(erag: Run, campus: Path, fake_config: Path) -> None:
+    def scores(*prefer: str) -> list[tuple[float, float, float]]:
+        asked = ("query", campus, "bench", "--at-node", "n05", "--json", "--config", fake_config, *prefer)
+        return [(h["score"], h["semantic"], h["spatial"]) for h in json.loads(erag(*asked)[1])["hits"]]
+
+    assert all(score == semantic for score, semantic, _ in scores("--prefer", "best"))
+    assert all(score == spatial for score, _, spatial in scores("--prefer", "1"))
+    assert all(score == pytest.approx((s + d) / 2) for score, s, d in scores("--prefer", "near"))
+    assert scores("--prefer", "balanced") == scores()
+    assert scores("--prefer", "best", "--set", "retrieve.alpha_rank=1") == scores("--prefer", "1")
+
+
 def test_sensor_and_time_conditions(erag: Run, campus: Path, fake_config: Path) -> None:
     asked = ("query", campus, "grass", "--config", fake_config, "--json", "--sensor", "ndvi=high", "--since", "2025-10")
     record = json.loads(erag(*asked)[1])
@@ -137,6 +149,9 @@ def test_bad_lines_are_answered_by_errors_in_their_place(
         (("query", "M", "x", "--at", "here"), "X,Y or X,Y,Z"),
         (("query", "M", "x", "--at", "1,95"), "95"),
         (("query", "M", "x", "--at-node", "zz"), "no node 'zz'"),
+        (("query", "M", "x", "--prefer", "near"), "--prefer without a position"),
+        (("query", "M", "x", "--at", "1,2", "--prefer", "far"), "near, best, balanced, or a number from 0"),
+        (("query", "M", "x", "--at", "1,2", "--prefer", "nan"), "'nan'"),
         (("query", "M", "x", "--sensor", "ndvi"), "KEY=VALUE"),
         (("query", "M", "x", "--sensor", "noise=low"), "ndvi"),
         (("query", "M", "x", "--since", "soon"), "since is 'soon'"),

@@ -12,27 +12,31 @@ import pytest
 import yaml
 
 from erag.cli.main import run
-from erag.compare.cells import Cell, Job, measured, model_mb, read_cell
+from erag.compare.cells import Cell, Job, measured, read_cell
 from erag.compare.choosing import Decisions, Relevance, Search
-from erag.compare.config import CompareConfig, DecisionsTrial, RelevanceTrial, SearchTrial
+from erag.compare.config import CompareConfig, DecisionsTrial, RelevanceTrial, SearchTrial, WorldsConfig
 from erag.compare.cosine import Cosine
 from erag.compare.plot import plotted
 from erag.compare.rows import Row, pareto, verdict
 from erag.compare.run import compare, write
 from erag.compare.seeing import Captions, Objects
+from erag.compare.sizes import model_mb
 from erag.compare.telling import ClusterSummaries
-from erag.compare.trial import Figure, Judgement, each, judged, shifted
+from erag.compare.trial import Asked, Judgement, each, shifted
 from erag.compare.trials import trial_of
 from erag.core.errors import BadModelOutput, ConfigError
+from erag.evaluate.statistics import Interval
+from erag.lm.checkpoints import shipped
 from erag.lm.config import BackendConfig
 from erag.lm.fake import Fake, FakeConfig
-from erag.lm.ledger import Ledger
 from erag.lm.openai.server import ServerConfig
 from erag.lm.roles import ROLES, SelectTask
+from erag.lm.student import StudentConfig
 from erag.lm.tagger import TaggerConfig
 from erag.lm.weights import default_store
 from erag.pipeline.config import validate
 from erag.pipeline.serving import openai_server
+from erag.study.decisions import Part
 
 FAKE = {"fake": {"model": {"kind": "fake"}}, "wide": {"model": {"kind": "fake", "dim": 128}}}
 COSINE = {"cosine": {"model": {"kind": "fake"}, "cosine": True}}
@@ -73,9 +77,9 @@ def test_every_backend_and_control_has_a_row(compared: tuple[CompareConfig, list
     for one in rows:
         assert one.judgement is not None
         assert one.against == "labels"
-        assert one.judgement.loss.value == pytest.approx(1 - one.judgement.figure.value)
-        assert one.judgement.figure.low <= one.judgement.figure.value <= one.judgement.figure.high
-    assert row(rows, "relevance", "fake").judgement.figure.value > 0.6  # type: ignore[union-attr]
+        assert one.judgement.loss.mean == pytest.approx(1 - one.judgement.figure.mean)
+        assert one.judgement.figure.low <= one.judgement.figure.mean <= one.judgement.figure.high
+    assert row(rows, "relevance", "fake").judgement.figure.mean > 0.6  # type: ignore[union-attr]
 
 
 def test_measurements_are_of_a_process_of_their_own(compared: tuple[CompareConfig, list[Row]]) -> None:
@@ -92,8 +96,8 @@ def test_measurements_are_of_a_process_of_their_own(compared: tuple[CompareConfi
             assert (one.seconds, one.peak_mb) == (None, None)
     answers = row(rows, "answers", "fake").judgement
     assert answers is not None
-    assert [f.name for f in answers.more] == ["valid", "grounded", "golden facts stated"]
-    assert answers.more[0].value == 1  # the fake's text is of the schema, and says nothing
+    assert list(answers.more) == ["valid", "grounded", "golden facts stated"]
+    assert answers.more["valid"].mean == 1  # the fake's text is of the schema, and says nothing
 
 
 def test_results_are_written_and_fit_a_terminal(compared: tuple[CompareConfig, list[Row]]) -> None:
@@ -142,10 +146,10 @@ def test_what_cannot_be_measured_says_why(tmp_path: Path) -> None:
 
 
 def made_row(name: str, loss: float, seconds: float, mb: float, spread: float = 0.05) -> Row:
-    figure = Figure("f", 1 - loss, 1 - loss - spread, 1 - loss + spread)
-    judgement = Judgement(figure, Figure("loss", loss, loss - spread, loss + spread))
-    cell = Cell("t", name, "d", seconds=seconds * 10, peak_mb=mb)
-    return Row("t", "select", name, "local", "agreement", "labels", 10, judgement, cell, 100.0)
+    figure = Interval(1 - loss, 1 - loss - spread, 1 - loss + spread)
+    judgement = Judgement(figure, Interval(loss, loss - spread, loss + spread))
+    cell = Cell("t", name, "d", seconds=seconds * 10, peak_mb=mb, file_mb=100.0)
+    return Row("t", "select", name, "local", "agreement", "labels", 10, judgement, 10, cell)
 
 
 ROWS = [
@@ -201,9 +205,9 @@ def test_one_item_costs_no_other_its_output() -> None:
 def retrieval_qa(folder: Path, decisions: Sequence[tuple[str, Sequence[str], str]]) -> Path:
     folder.mkdir()
     lines = []
-    for question, names, choice in decisions:
+    for query, names, choice in decisions:
         listed = "\n\n".join(f"{i}. {name}" for i, name in enumerate(names, 1))
-        asked = f"Query: {question}\nContext: Available:\n\n{listed}\nInstruction: choose"
+        asked = f"Query: {query}\nContext: Available:\n\n{listed}\nInstruction: choose"
         lines.append(json.dumps({"messages": [{"role": "user", "content": asked}, {"content": choice}]}))
     (folder / "train.jsonl").write_text("\n".join(lines))
     return folder
@@ -215,14 +219,14 @@ def test_agreement_is_with_the_cards_text(tmp_path: Path) -> None:
         [("Where is the pond?", ("pond_1", "bench_1", "bench_2"), "bench_2"), ("A bench?", ("bench_1", "bin"), "bin"),
          ("Alone?", ("bin",), "bin")],
     )  # fmt: skip
-    trial = Decisions(DecisionsTrial(kind="decisions", source=source, backends=("x",), folds=1))
-    assert [item["choice"] for item in trial.items] == [2, 1]  # one card is no choice
+    trial = Decisions(DecisionsTrial(kind="decisions", source=source, backends=("x",), part=Part(folds=1)))
+    assert [item["chosen"] for item in trial.items] == [2, 1]  # one card is no choice
     judgement = trial.judge([1, 0], Fake())  # bench_1 reads as bench_2 does
-    assert (judgement.figure.value, judgement.loss.value) == (0.5, 0.5)
-    assert [f.value for f in judgement.more] == [0.5, 0.0]  # agreeing in words, with another card
-    assert trial.judge([None, None], Fake()).figure.value == 0
-    assert trial.judge(trial.cloud(), Fake()).loss.value == 0
-    assert trial.ask(Fake(), trial.items, Ledger()) == [0, 0]  # type: ignore[arg-type]
+    assert (judgement.figure.mean, judgement.loss.mean) == (0.5, 0.5)
+    assert [f.mean for f in judgement.more.values()] == [0.5, 0.0]  # agreeing in words, with another card
+    assert trial.judge([None, None], Fake()).figure.mean == 0
+    assert trial.judge(trial.cloud(), Fake()).loss.mean == 0
+    assert trial.ask(Asked(Fake()), trial.items) == [0, 0]  # type: ignore[arg-type]
 
 
 def test_recorded_and_far_backends_are_compared_like_any_other(tmp_path: Path) -> None:
@@ -237,7 +241,7 @@ def test_recorded_and_far_backends_are_compared_like_any_other(tmp_path: Path) -
     far = {"kind": "openai", "model": "f", "base_url": server.url, "key_env": None, "structured": "full"}
     backends = {**FAKE, "recorded": {"model": {"kind": "replay", "records": calls}}, "far": {"model": far}}
     trials = {
-        "decisions": {"kind": "decisions", "source": source, "folds": 1, "backends": ["recorded", "fake"]},
+        "decisions": {"kind": "decisions", "source": source, "part": {"folds": 1}, "backends": ["recorded", "fake"]},
         "search": {"kind": "search", "count": 4, "backends": ["far", "fake"]},
     }
     raw = {"out": tmp_path / "out", "judge": {"kind": "fake"}, "backends": backends, "trials": trials}
@@ -249,26 +253,26 @@ def test_recorded_and_far_backends_are_compared_like_any_other(tmp_path: Path) -
     said = {(r.trial, r.backend): r.cell.outputs for r in rows if r.cell}
     assert said["decisions", "recorded"] == [1, 1]
     assert said["search", "far"] == said["search", "fake"]
-    losses = {r.backend: r.judgement.loss.value for r in rows if r.trial == "decisions" and r.judgement}
+    losses = {r.backend: r.judgement.loss.mean for r in rows if r.trial == "decisions" and r.judgement}
     assert (losses["cloud teacher (recorded)"], losses["recorded"], losses["fake"]) == (0, 0, 1)
 
 
 def test_relevance_is_the_area_under_the_roc() -> None:
     trial = Relevance(RelevanceTrial(kind="relevance", backends=("x",), count=3, relevant=1, others=2))
     perfect, worst, tied = [0.9, 0.1, 0.2], [0.1, 0.2, 0.3], [0.5, 0.5, 0.5]
-    assert trial.judge([perfect, worst, tied], Fake()).figure.value == pytest.approx(0.5)
-    assert trial.judge([[None, 0.1, 0.2]] * 3, Fake()).figure.value == 0
+    assert trial.judge([perfect, worst, tied], Fake()).figure.mean == pytest.approx(0.5)
+    assert trial.judge([[None, 0.1, 0.2]] * 3, Fake()).figure.mean == 0
     assert all(len(item["relevant"]) == 1 and len(item["others"]) == 2 for item in trial.items)
 
 
 def test_a_pool_keeps_something_to_find() -> None:
     trial = Search(SearchTrial(kind="search", backends=("x",), count=5, pool=20))
-    (found,) = {len(output) for output in trial.ask(Fake(), trial.items, Ledger())}  # type: ignore[arg-type]
+    (found,) = {len(output) for output in trial.ask(Asked(Fake()), trial.items)}  # type: ignore[arg-type]
     assert found == 5
     assert all(item["relevant"] for item in trial.items)
     right = [[item["relevant"][0], "x"] for item in trial.items]
-    assert trial.judge(right, Fake()).figure.value == 1
-    assert trial.judge(right, Fake()).more[0].value == pytest.approx(0.2)
+    assert trial.judge(right, Fake()).figure.mean == 1
+    assert trial.judge(right, Fake()).more["P@5"].mean == pytest.approx(0.2)
 
 
 def test_cosine_selects_and_scores() -> None:
@@ -297,15 +301,15 @@ def test_summaries_are_held_against_the_clouds_own_of_the_same_cluster(tmp_path:
     raw = {"kind": "summaries", "source": tmp_path / "f.gml", "backends": ["fake"]}
     trial = trial_of(config(tmp_path / "out", summaries=raw), "summaries", default_store())
     assert isinstance(trial, ClusterSummaries)
-    ours = trial.judge(trial.ask(Fake(), trial.items, Ledger()), Fake())  # type: ignore[arg-type]
+    ours = trial.judge(trial.ask(Asked(Fake()), trial.items), Fake())  # type: ignore[arg-type]
     cloud = trial.judge(trial.cloud(), Fake())
-    assert cloud.loss.value == pytest.approx(0, abs=1e-6)
-    assert 0 < ours.loss.value < 1
-    covered, unsupported = cloud.more
-    assert covered.value > 0.2
-    assert unsupported.value == pytest.approx(0.25)  # no member bears out dragons: one of the two of its cluster
+    assert cloud.loss.mean == pytest.approx(0, abs=1e-6)
+    assert 0 < ours.loss.mean < 1
+    assert cloud.more["facts mentioned"].mean > 0.2
+    # no member bears out dragons: one of the two statements of its cluster
+    assert cloud.more["statements unsupported"].mean == pytest.approx(0.25)
     controls = trial.controls()
-    assert trial.judge(controls["of another cluster"], Fake()).figure.value < cloud.figure.value
+    assert trial.judge(controls["of another cluster"], Fake()).figure.mean < cloud.figure.mean
     assert "bench" in json.dumps(controls["composed by code"]).lower()
 
 
@@ -321,11 +325,11 @@ def test_captions_are_held_against_the_clouds(tmp_path: Path) -> None:
     raw = {"kind": "captions", "source": tmp_path, "backends": ["fake"]}
     trial = trial_of(config(tmp_path / "out", frames=raw), "frames", default_store())
     assert isinstance(trial, Captions)
-    assert trial.judge(trial.cloud(), Fake()).figure.value == pytest.approx(1)
+    assert trial.judge(trial.cloud(), Fake()).figure.mean == pytest.approx(1)
     other = trial.judge(trial.controls()["a caption of another frame"], Fake())
-    assert other.figure.value < 1
-    assert trial.judge(trial.ask(Fake(), trial.items, Ledger()), Fake()).loss.value > other.loss.value  # type: ignore[arg-type]
-    assert trial.judge([None, None], Fake()).figure.value == 0
+    assert other.figure.mean < 1
+    assert trial.judge(trial.ask(Asked(Fake()), trial.items), Fake()).loss.mean > other.loss.mean  # type: ignore[arg-type]
+    assert trial.judge([None, None], Fake()).figure.mean == 0
 
 
 TRUTH = [
@@ -339,28 +343,32 @@ def test_objects_are_counted_by_class_and_synonym(tmp_path: Path) -> None:
     pytest.importorskip("PIL")
     (tmp_path / "truth").mkdir()
     (tmp_path / "truth" / "park.jsonl").write_text("\n".join(map(json.dumps, TRUTH)))
-    raw = {"kind": "objects", "worlds": tmp_path, "names": ["park"], "synonyms": {"litter bin": ["waste bin"]},
-           "backends": ["fake"]}  # fmt: skip
-    trial = trial_of(config(tmp_path / "out", objects=raw), "objects", default_store())
+    raw = {"kind": "objects", "synonyms": {"litter bin": ["waste bin"]}, "backends": ["fake"]}
+    made = config(tmp_path / "out", objects=raw)
+    worlds = WorldsConfig(folder=tmp_path, names=("park",))
+    trial = trial_of(made.model_copy(update={"worlds": worlds}), "objects", default_store())
     assert isinstance(trial, Objects)
     listed = [{"text": "", "objects": ["waste bin", "dragon"]}, {"text": "Two benches? One bench.", "objects": []}]
-    precision, recall = trial.judge(listed, Fake()).more
-    assert (precision.value, recall.value) == (1, pytest.approx(2 / 3))  # a dragon is no class
-    assert trial.judge([None, None], Fake()).figure.value == 0
+    precision, recall = trial.judge(listed, Fake()).more.values()
+    assert (precision.mean, recall.mean) == (1, pytest.approx(2 / 3))  # a dragon is no class
+    assert trial.judge([None, None], Fake()).figure.mean == 0
     assert trial.controls()["the 5 commonest classes"][0]["objects"] == ["bench", "litter bin"]
 
 
 def test_losses_are_item_by_item() -> None:
-    figure, loss = judged("f", [1.0, 0.5], [1.0, 1.0])
-    assert (figure.value, loss.value, loss.low) == (0.75, 0.25, 0.0)
+    judged = Judgement.of([1.0, 0.5])
+    assert (judged.figure.mean, judged.loss.mean, judged.loss.low) == (0.75, 0.25, 0.0)
+    assert judged.against(Judgement.of([0.5, 0.5])).loss.mean == -0.25  # better than what it is held against
     assert shifted([1, 2, 3]) == [2, 3, 1]
 
 
 def test_sizes_are_those_of_the_files() -> None:
     store = default_store()
     expected = (store.manifest("efficientnet-lite0").bytes or 0) / 1e6
-    assert model_mb(TaggerConfig(), store) == pytest.approx(expected)
-    assert model_mb(FakeConfig(), store) is None
+    assert model_mb([TaggerConfig(), TaggerConfig()], store) == pytest.approx(expected)  # a file counts once
+    assert model_mb([FakeConfig()], store) is None
+    student = shipped("captioner.safetensors").stat().st_size / 1e6
+    assert model_mb([StudentConfig(), TaggerConfig()], store) == pytest.approx(expected + student)
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -377,7 +385,9 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     ("trials", "told"),
     [
         ({"s": {"kind": "search", "backends": ["nobody"]}}, "names 'nobody', which is no backend"),
-        ({"d": {"kind": "decisions", "source": "x", "backends": ["fake"], "part": 5}}, "part 5 of 5"),
+        ({"d": {"kind": "decisions", "source": "x", "backends": ["fake"], "part": {"number": 5}}}, "part 5 of 5"),
+        ({"m": {"kind": "memories", "systems": ["nobody"]}}, "names 'nobody', which is no system"),
+        ({"m": {"kind": "memories", "systems": ["tiny"], "cloud": "GPT"}}, "memory of a reference"),
         ({"x": {"kind": "cook", "backends": ["fake"]}}, "cook"), ({}, "trials"),
     ],
 )  # fmt: skip

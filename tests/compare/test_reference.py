@@ -1,18 +1,19 @@
 """The authors' cloud products as records: read from small files of the same formats, and from the real ones."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from erag.cli.main import run
-from erag.compare.decisions import fold, held_out, read_decisions
 from erag.compare.reference import cloud_caption, references
 from erag.core.errors import InputError
 from erag.core.types import Observation, Pose
 from erag.lm.callfile import read_calls
 from erag.lm.replay import NotRecorded, Replay, ReplayConfig
 from erag.lm.roles import Caption, SelectTask
+from erag.study.decisions import Part, Read, chats_of, read_all
 
 CARD = "{n}. Location Details:\n   ID: area_{n}\n   Name: quiet_lounge{n}\n   Summary: {text}\n   ---\n"
 END = "Instruction: From the provided context, please choose exactly one option and respond with the name exactly."
@@ -38,9 +39,15 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
+def decisions(folder: Path) -> Read:
+    chats = chats_of(folder)
+    assert chats is not None
+    return read_all([chats])
+
+
 def test_decisions_are_read_once_each_and_counted(folder: Path) -> None:
-    found = read_decisions(folder)
-    assert [(d.question, d.choice) for d in found.decisions] == [("Where to rest?", 1), ("Where to sit?", 1)]
+    found = decisions(folder)
+    assert [(d.query, d.chosen) for d in found.decisions] == [("Where to rest?", 1), ("Where to sit?", 1)]
     assert found.decisions[0].cards[1].startswith("quiet lounge. Has 2 sofas.")
     assert found.decisions[1].cards == ("wooden block", "bench wooden slats")
     assert set(found.notes) >= {
@@ -53,7 +60,7 @@ def test_decisions_become_records_a_replay_answers_from(folder: Path, tmp_path: 
     out = tmp_path / "calls.jsonl.gz"
     assert run(["records", "reference", str(folder), "--out", str(out), "--teacher", "gpt-4"]) == 0
     replay = Replay(ReplayConfig(records=out))
-    tasks = [d.task for d in read_decisions(folder).decisions]
+    tasks = [d.task for d in decisions(folder).decisions]
     assert replay.select(tasks, 1) == [[1], [1]]
     assert '"teacher": "gpt-4"' in replay.fingerprint("select")
     with pytest.raises(NotRecorded, match="1 of 1 select"):
@@ -61,18 +68,21 @@ def test_decisions_become_records_a_replay_answers_from(folder: Path, tmp_path: 
 
 
 def test_folds_keep_questions_and_card_sets_whole(folder: Path) -> None:
-    found = read_decisions(folder).decisions
-    parts = [held_out(found, 3, part, "question") for part in range(3)]
-    assert sorted(d.question for part in parts for d in part) == sorted(d.question for d in found)
-    assert fold("Where  to REST?", 5) == fold("where to rest?", 5)
-    assert [len(held_out(found, 1, 0, by)) for by in ("question", "cards")] == [2, 2]
+    found = decisions(folder).decisions
+    parts = [Part(number=number, folds=3) for number in range(3)]
+    assert all(sum(part.holds(d) for part in parts) == 1 for d in found)
+    loud = [replace(d, query=f"{d.query.upper()}  ") for d in found]
+    assert all(part.holds(a) == part.holds(b) for part in parts for a, b in zip(found, loud, strict=True))
+    turned = [replace(d, query="another", cards=d.cards[::-1]) for d in found]
+    by_cards = [Part(number=number, folds=3, by="cards") for number in range(3)]
+    assert all(part.holds(a) == part.holds(b) for part in by_cards for a, b in zip(found, turned, strict=True))
 
 
 @pytest.mark.parametrize("line", ["{", "[]", '{"messages": []}', decision("q", "1. a", "a").replace("Query", "Quest")])
 def test_what_is_no_decision_is_named_with_its_line(folder: Path, line: str) -> None:
     (folder / "test.jsonl").write_text("\n" + line)
     with pytest.raises(InputError, match=r"test\.jsonl:2"):
-        read_decisions(folder)
+        decisions(folder)
 
 
 GML = """graph [
@@ -124,7 +134,7 @@ def test_a_caption_without_a_list_is_a_text() -> None:
 @pytest.mark.shared
 def test_the_authors_products(shared: Path) -> None:
     data = shared / "data"
-    found = read_decisions(data / "retrieval_qa")
+    found = decisions(data / "retrieval_qa")
     assert {"decisions read: 2,926", "with a choice: 1,860"} <= set(found.notes)
     choices = [d for d in found.decisions if len(d.cards) > 1]
     assert sum(d.agrees(0) for d in choices) / len(choices) == pytest.approx(0.38, abs=0.01)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from erag.core.text import clean, content_hash, name_words, node_text, sentences, words
+from erag.core.text import clean, content_hash, name_words, node_text, sentences, singular, words
 
 LONG = 10**6
 PARTS = st.lists(st.one_of(st.text(max_size=5), st.binary(max_size=5)), max_size=5)
@@ -159,3 +159,23 @@ def test_content_hash_is_prefix_free() -> None:
 
 def test_content_hash_is_stable() -> None:
     assert content_hash("model", b"\x00text").hex() == "9d2b6a7a704826b9142d1f51cd2342ac"
+
+
+@pytest.mark.parametrize(
+    ("plural", "one"),
+    [
+        ("benches", "bench"),
+        ("boxes", "box"),
+        ("bushes", "bush"),
+        ("trees", "tree"),
+        ("cities", "city"),
+        ("shoes", "shoe"),
+        ("glass", "glass"),
+        ("cactus", "cactus"),
+        ("gas", "gas"),
+        ("roses", "rose"),
+    ],
+)
+def test_plurals_lose_their_ending(plural: str, one: str) -> None:
+    assert singular(plural) == one
+    assert singular(one) == one

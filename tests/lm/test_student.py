@@ -1,5 +1,6 @@
 """The student's words: from outputs to views to captions, and its checkpoint, without any training."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from pydantic import ValidationError
 
 from erag.core.errors import ModelError
 from erag.lm.config import BackendConfig, build_backend
+from erag.lm.features import COARSE, FINE
 from erag.lm.student import Found, View, read_view, spoken
 from erag.lm.student_checkpoint import load, read_words, save
 from erag.lm.student_network import Seen, StudentNetwork
@@ -47,6 +49,17 @@ def test_a_class_is_said_from_its_own_threshold_on() -> None:
 def test_a_view_of_nothing_names_the_place() -> None:
     assert spoken(View("office", 0.9, "", ())).text == "An office."
     assert spoken(View("office", 0.9, "", (Found("desk", 0.9, 0.9, 0.5, 0.1),))).objects == ("desk",)
+
+
+def test_an_image_and_its_mirror_image_are_seen_alike() -> None:
+    torch.manual_seed(2)
+    network = StudentNetwork(WORDS).eval()
+    fine, coarse = torch.randn(2, FINE, 4, 6), torch.randn(2, COARSE, 2, 3)
+    seen = network.both_ways(fine, coarse)
+    again = network.both_ways(fine.flip(3), coarse.flip(3)).mirrored()
+    for field in fields(Seen):
+        torch.testing.assert_close(getattr(seen, field.name), getattr(again, field.name))
+    assert not torch.allclose(seen.centre[..., 0], network(fine, coarse).centre[..., 0])
 
 
 def test_a_checkpoint_is_read_as_it_was_written_and_is_the_same_bytes_again(tmp_path: Path) -> None:

@@ -87,7 +87,6 @@ def test_a_wish_finds_what_serves_it() -> None:
     assert found[0].tolist() == [BELOW, 0.0] * 3
     assert found[2, 0] > found[1, 0]
     assert (found[2, 1], found[1, 1]) == (1, 0.5)
-    assert uses.named(vector, 1) == ("bench",)
 
 
 def test_a_thing_goes_by_its_other_names() -> None:
@@ -97,7 +96,6 @@ def test_a_thing_goes_by_its_other_names() -> None:
     assert uses.scores(vector)[0, 1] == 1
     assert uses.scores(vector)[1, 1] == 0
     none = Uses(lexicon(lamp=use("It is dark.")), index)
-    assert none.named(vector, 3) == ()
     assert (none.scores(vector)[:, 1] == 0).all()
 
 

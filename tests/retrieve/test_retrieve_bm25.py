@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from retrieve_worlds import corpus_of, embed, random_corpus, random_queries
 
-from erag.core.text import words
+from erag.core.text import singular, words
 from erag.core.types import Observation, Pose, Query
 from erag.data.contract import read_queries
 from erag.data.registry import read
@@ -19,7 +19,6 @@ from erag.retrieve.bm25 import Bm25Scorer
 from erag.retrieve.config import Bm25Config, RetrieveConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.engine import Retriever
-from erag.retrieve.lexical import singular
 from erag.retrieve.scoring import NOT_FOUND, Batch
 
 
@@ -72,26 +71,6 @@ def test_stop_words_are_dropped_on_demand() -> None:
     corpus = caption_corpus("This is where I was.", "A bench.")
     assert scores_of(corpus, "where is it")[0] == 1.0
     assert scores_of(corpus, "where is it", stop_words="english") == [-1.0, -1.0]
-
-
-@pytest.mark.parametrize(
-    ("plural", "one"),
-    [
-        ("benches", "bench"),
-        ("boxes", "box"),
-        ("bushes", "bush"),
-        ("trees", "tree"),
-        ("cities", "city"),
-        ("shoes", "shoe"),
-        ("glass", "glass"),
-        ("cactus", "cactus"),
-        ("gas", "gas"),
-        ("roses", "rose"),
-    ],
-)
-def test_plurals_lose_their_ending(plural: str, one: str) -> None:
-    assert singular(plural) == one
-    assert singular(one) == one
 
 
 def test_indexing_and_asking_are_silent(capfd: pytest.CaptureFixture[str]) -> None:

@@ -197,6 +197,46 @@ def test_hours_of_the_day_leave_out_what_was_seen_at_others() -> None:
     assert nodes_of(found) == ["dawn"]
 
 
+def test_another_place_comes_before_a_further_view_unless_it_is_much_worse() -> None:
+    texts = {"pond": (0.0, "pond bench"), "bench": (0.8, "bench"), "river": (1.6, "river bench")}
+    texts["far"] = (9.0, "hill grass lamp")
+    corpus = corpus_of([place(name, *said) for name, said in texts.items()])
+    plain = ask(corpus, Query("bench", top=3), retriever=NodeConfig())
+    assert nodes_of(plain)[0] == "bench"
+    assert "far" not in nodes_of(plain)
+    assert plain.notes == ()
+    once = ask(corpus, Query("bench", top=2), retriever=NodeConfig(), places={"further": 0.0})
+    assert nodes_of(once) == ["bench", "far"]
+    assert once.notes == ("left out for other places: 1 further views of these",)
+    every = ask(corpus, Query("bench", top=3), retriever=NodeConfig(), places={"further": 1.0})
+    assert (nodes_of(every), every.notes) == (nodes_of(plain), ())
+    apart = ask(corpus, Query("bench", top=3), retriever=NodeConfig(), places={"metres": 0.5, "further": 0.0})
+    assert nodes_of(apart) == nodes_of(plain)
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.sampled_from(RETRIEVERS), st.floats(0, 60), st.sampled_from([0.0, 0.7, 1.0]))
+def test_hits_spread_over_places_are_the_best_of_them(
+    seed: int, retriever: object, metres: float, further: float
+) -> None:
+    corpus, (queries, vectors) = random_corpus(seed), random_queries(seed, top=6)
+    config = {"retriever": retriever, "pool": 100}
+    plain = Retriever(corpus, RetrieveConfig.model_validate(config)).retrieve(queries, vectors)
+    config["places"] = {"metres": metres, "further": further}
+    spread = Retriever(corpus, RetrieveConfig.model_validate(config)).retrieve(queries, vectors)
+    for all_, found in zip(plain, spread, strict=True):
+        scores = [hit.score for hit in found.hits]
+        assert scores == sorted(scores, reverse=True)
+        assert len(found.hits) == len(all_.hits)
+        assert nodes_of(found)[:1] == nodes_of(all_)[:1]
+        left = set(nodes_of(all_)) - set(nodes_of(found))
+        at = {name: corpus.topomap.positions[corpus.topomap.row[name]] for name in (*left, *nodes_of(found))}
+        for name in left:
+            assert any(math.dist(at[name], at[other]) <= metres for other in nodes_of(found))
+        assert further < 1 or not left
+        assert bool(left) == any("further views" in note for note in found.notes)
+
+
 def test_hits_that_an_answer_rests_on_come_first() -> None:
     corpus = corpus_of([place(n, 0.0, text) for n, text in (("a", "bench"), ("b", "bench pond"), ("c", "pond"))])
     retriever = Retriever(corpus, RetrieveConfig(retriever=NodeConfig()))

@@ -15,7 +15,15 @@ from erag.core.types import Query
 from erag.lm.compose import compose
 from erag.lm.fake import Fake
 from erag.lm.roles import Generation, LMBackend, Prompt, Roles, SelectTask, TextKind, Vectors
-from erag.retrieve.config import ExpandConfig, JudgeConfig, NodeConfig, RescoreConfig, RetrieveConfig, TreeConfig
+from erag.retrieve.config import (
+    ExpandConfig,
+    JudgeConfig,
+    NodeConfig,
+    RelevanceConfig,
+    RescoreConfig,
+    RetrieveConfig,
+    TreeConfig,
+)
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.engine import Found, Retriever
 
@@ -30,6 +38,7 @@ class Model(Fake):
         self.tasks: list[SelectTask] = []
         self.pairs: list[tuple[str, str]] = []
         self.prompts: list[Prompt] = []
+        self.embedded: list[str] = []
         self._answer = json.dumps({"things": list(things)}) if answer is None else answer
 
     def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
@@ -41,6 +50,7 @@ class Model(Fake):
         return super().score(pairs)
 
     def embed(self, texts: Sequence[str], kind: TextKind) -> Vectors:
+        self.embedded += texts
         return embed(texts)
 
     def generate(self, prompts: Sequence[Prompt]) -> list[Generation]:
@@ -126,6 +136,14 @@ def test_what_the_model_names_is_searched_for_and_told() -> None:
     untouched = ask(corpus, RetrieveConfig(retriever=NodeConfig(), expand=ExpandConfig(weight=0.0)), model, "bench")
     plain = ask(corpus, RetrieveConfig(retriever=NodeConfig()), model, "bench")
     assert untouched.hits == plain.hits
+
+
+def test_what_is_named_is_embedded_as_it_is_read() -> None:
+    corpus = two_clusters(("bench", "tree"), "", ("fountain", "lamp"), "")
+    for kind, read in ((NodeConfig(), {"fountain, tap"}), (RelevanceConfig(uses=False), {"fountain", "tap"})):
+        model = Model(things=("fountain", "tap"))
+        ask(corpus, RetrieveConfig(retriever=kind, expand=ExpandConfig()), model, "I am thirsty")
+        assert set(model.embedded) == read
 
 
 def test_a_text_is_understood_once_and_is_data_in_the_prompt() -> None:

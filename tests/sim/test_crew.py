@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from erag.core.errors import InputError
-from erag.sim.crew import cores, run_apart
+from erag.sim.crew import run_apart
 
 
 def note(folder: Path, number: int) -> None:
@@ -32,7 +32,3 @@ def test_a_process_that_dies_is_told_and_nothing_new_is_begun(tmp_path: Path) ->
     with pytest.raises(InputError, match=r"ended with code 7.*--jobs 1"):
         list(run_apart(die, [(tmp_path, i) for i in range(4)], 1))
     assert not (tmp_path / "3").exists()
-
-
-def test_there_is_a_core() -> None:
-    assert cores() >= 1

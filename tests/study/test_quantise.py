@@ -10,7 +10,7 @@ pytest.importorskip("torch", reason="needs erag[train]")
 from erag.core.errors import ModelError
 from erag.lm.llamacpp.quantise import quantise, source_of, variant_id, variants_store
 from erag.lm.weights import ModelStore
-from erag.study.compact import Bits, Eighths, nearest, rescored
+from erag.study.compact import Bits, Eighths, Rescored, kept, nearest
 from erag.study.front import front, knee
 from erag.study.quantconfig import EncoderStudy, GgufStudy, VectorStudy
 
@@ -41,9 +41,16 @@ def test_bits_are_signs_and_rescoring_mends_them() -> None:
         truth = nearest(vectors @ q, 10)
         exact.append(truth)
         plain.append(len(np.intersect1d(nearest(bits.scores(q), 10), truth)))
-        mended.append(len(np.intersect1d(rescored(bits, small, q, 300, 10), truth)))
+        mended.append(len(np.intersect1d(Rescored(bits, small, 300).nearest(q, 10), truth)))
     assert np.mean(mended) > np.mean(plain) + 2
-    assert (rescored(bits, small, queries[0], 2000, 10) == nearest(small.scores(queries[0]), 10)).all()
+    assert (Rescored(bits, small, 2000).nearest(queries[0], 10) == nearest(small.scores(queries[0]), 10)).all()
+
+
+def test_vectors_are_kept_in_every_form() -> None:
+    vectors = _unit(50, 64)
+    forms = {form: kept(vectors, form) for form in ("float32", "float16", "int8", "bits", "rescored")}
+    assert [forms[f].bytes for f in ("float32", "float16", "bits")] == [50 * 256, 50 * 128, 50 * 8]
+    assert all(form.nearest(vectors[7], 3)[0] == 7 for form in forms.values())
 
 
 def test_the_nearest_are_in_order_and_ties_go_by_row() -> None:
@@ -67,17 +74,21 @@ def test_encoders_in_fewer_bits_stay_close(weights: ModelStore) -> None:
     import torch
 
     from erag.lm.bert import BertEncoder
-    from erag.study.encoderstudy import Int8Products, Int8Weights
+    from erag.lm.int8 import Int8Encoder
+    from erag.lm.sentence import SentenceConfig, SentenceEmbedder
 
-    folder = weights.path("minilm-l6")
-    whole = BertEncoder(folder, torch.float32)
-    ids, _ = whole.tokenise(["a bench by the lake", "a red bus waits at the stop", "where can I sit?"])
-    exact = whole.encode(ids)
-    for encoder, least in ((Int8Weights(folder), 0.998), (Int8Products(folder), 0.98)):
-        near = (encoder.encode(ids) * exact).sum(1)
-        assert near.min() > least
-        assert near.min() < 1
-        assert encoder.bytes < 0.7 * sum(w.nbytes for w in whole._weights.values())
+    folder, texts = (
+        weights.path("minilm-l6"),
+        ["a bench by the lake", "a red bus waits at the stop", "where can I sit?"],
+    )
+    whole = BertEncoder(folder, torch.float32).nbytes
+    exact = SentenceEmbedder(SentenceConfig(dtype="float32"), weights).embed(texts, "query")
+    for form, least in (("int8", 0.998), ("int8_products", 0.98)):
+        embedder = SentenceEmbedder(SentenceConfig(dtype=form), weights)
+        near = (embedder.embed(texts, "query") * exact).sum(axis=1)
+        assert least < near.min() < 1
+        assert f'"dtype": "{form}"' in embedder.fingerprint("embed")
+        assert Int8Encoder(folder, form).nbytes < 0.7 * whole
 
 
 @pytest.mark.weights
@@ -86,15 +97,16 @@ def test_studies_of_vectors_and_encoders_write_their_tables(weights: ModelStore,
     from erag.study.vectorstudy import run as vectors
 
     found = vectors(VectorStudy(kind="vectors", out=tmp_path / "v", repeats=1), weights)
-    ways = {way.name: way for way in found.ways}
-    assert ways["float32"].again.mean == 1
-    assert ways["bits"].bytes * 32 == ways["float32"].bytes
-    assert ways["bits"].again.mean < ways["bits, then int8 of 100"].again.mean
+    each = {way.name: way.values["bytes each"] for way in found.ways}
+    again = {way.name: way.values["ten nearest found again"].mean for way in found.ways}  # type: ignore[union-attr]
+    assert again["float32"] == 1
+    assert each["bits"] * 32 == each["float32"]
+    assert again["bits"] < again["bits, then int8 of 100"]
     assert "| bits, then int8 of 20 |" in (tmp_path / "v" / "report.md").read_text()
     report = encoder(EncoderStudy(kind="encoder", out=tmp_path / "e"), weights)
-    assert [p.name for p in report.precisions] == ["float32", "bfloat16", "int8 weights", "int8 products"]
-    assert report.precisions[0].cosine == pytest.approx(1, abs=1e-5)
-    assert all(p.lowest > 0.98 for p in report.precisions)
+    assert [way.name for way in report.ways] == ["float32", "bfloat16", "int8 weights", "int8 products"]
+    assert report.ways[0].values["cosine to float32"] == pytest.approx(1, abs=1e-5)
+    assert all(way.values["lowest"] > 0.98 for way in report.ways)
     assert "| int8 products |" in (tmp_path / "e" / "report.md").read_text()
 
 

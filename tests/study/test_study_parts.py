@@ -1,6 +1,7 @@
 """Parts of the training of students: figures, thresholds, targets, variants, splits."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from erag.lm.tagger import labels
 from erag.pipeline.config import configs_dir, read_yaml, validate
 from erag.study.augment import look, seen_through, varied
 from erag.study.config import DistilConfig
-from erag.study.examples import Example, Instance, every, words_of
+from erag.study.examples import Example, Instance, divided, words_of
 from erag.study.judging import judge_words, searched
 from erag.study.targets import targets
 from erag.study.thresholds import best_thresholds
@@ -91,10 +92,14 @@ def test_greys_keep_their_hue_and_the_image_as_it_is_stays() -> None:
     assert np.ptp(shown, axis=2).max() <= 1
 
 
-def test_runs_of_neighbours_are_set_apart() -> None:
-    first, second = every(range(64), 4)
-    assert second == [12, 13, 14, 15, 28, 29, 30, 31, 44, 45, 46, 47, 60, 61, 62, 63]
-    assert sorted(first + second) == list(range(64))
+def test_whole_studios_or_runs_of_neighbours_set_the_thresholds() -> None:
+    frames = [replace(_example(), image=Path(f"{i}.jpg")) for i in range(66)]
+    learnt, apart = divided(frames, [], 4)
+    assert [int(e.image.stem) for e in apart] == [*range(12, 16), *range(28, 32), *range(44, 48), *range(60, 64)]
+    assert sorted(learnt + apart, key=lambda e: int(e.image.stem)) == frames
+    learnt, apart = divided(frames[:2], [frames[i : i + 8] for i in range(2, 66, 8)], 4)
+    assert apart == [*frames[26:34], *frames[58:66]]
+    assert learnt == [*frames[:26], *frames[34:58]]
 
 
 def test_text_search_counts_equal_captions_as_one() -> None:

@@ -11,11 +11,18 @@ pytest.importorskip("safetensors", reason="needs erag[sentence]")
 
 from erag.core.errors import BadModelOutput, ConfigError, InputError, ModelError, RoleMissing
 from erag.core.text import words
+from erag.core.types import Query
+from erag.data.sample import sample_dir
 from erag.lm.config import BackendConfig, build_backend
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.roles import Generation, Prompt
 from erag.lm.understanding import Understanding, UnderstandingConfig, distinct
 from erag.lm.weights import ModelStore
+from erag.memory.file import MemoryFile
+from erag.pipeline.build import build
+from erag.pipeline.config import PipelineConfig
+from erag.pipeline.ingest import ingest
+from erag.pipeline.query import Asker
 from erag.retrieve.config import ExpandConfig
 from erag.retrieve.expand import Expander
 from erag.study import understanding as study
@@ -113,6 +120,23 @@ def test_other_prompts_go_to_the_other_model(done: tuple[UnderstandingDistil, Re
         build_backend(BackendConfig.model_validate({"models": models, "roles": {"generate": "u"}}), store)
 
 
+def test_a_memory_is_asked_with_a_student_alone(
+    done: tuple[UnderstandingDistil, Report], store: ModelStore, tmp_path: Path
+) -> None:
+    student = {"kind": "understanding", "checkpoint": done[0].out, "embedder": {"kind": "fake", "dim": 96}}
+    raw = {
+        "backend": {"models": {"f": {"kind": "fake"}, "u": student}, "roles": {"embed": "f", "generate": "u"}},
+        "retrieve": {"retriever": {"kind": "node"}, "expand": {"things": 2}}, "answer": {"explain": "quotes"},
+    }  # fmt: skip
+    config, path = PipelineConfig.model_validate(raw), tmp_path / "m.erag"
+    ingest(sample_dir(), path)
+    with MemoryFile.writing(path, "test") as memory:
+        build(memory, config, store)
+    result = Asker(path, config, store).ask(Query("Where could I get a hat?"))
+    assert "also looked for: shop, market" in result.notes or "also looked for: market, shop" in result.notes
+    assert result.calls["generate"] == 1
+
+
 def test_a_killed_study_asks_only_for_what_is_missing(
     done: tuple[UnderstandingDistil, Report], store: ModelStore, tmp_path: Path, teacher: Teacher
 ) -> None:
@@ -171,6 +195,30 @@ def test_no_wish_stands_among_the_development_queries(shared: Path) -> None:
     said = {" ".join(words(wish)) for _, wish in wishes(11, 0)}
     lines = (shared / "queries" / "dev.jsonl").read_text().splitlines()
     assert not said & {" ".join(words(json.loads(line).get("query", ""))) for line in lines}
+
+
+@pytest.mark.shared
+def test_wishes_resemble_those_they_are_measured_on_no_more_than_the_guide_says(
+    shared: Path, weights: ModelStore
+) -> None:
+    """Cosines by MiniLM of each need's wish to the nearest query (docs/students.md#understanding-queries)."""
+    from erag.lm.sentence import SentenceConfig, SentenceEmbedder
+    from erag.sim.queries import wishes as simulated
+
+    embedder = SentenceEmbedder(SentenceConfig(dtype="float32"), weights)
+    own = wishes(2, 0)
+    vectors = embedder.embed([wish for _, wish in own], "document")
+    lines = (shared / "queries" / "dev.jsonl").read_text().splitlines()
+    for texts, median, highest in (
+        ([json.loads(line)["query"] for line in lines], 0.45, 0.88),
+        ([text for wish in simulated() for text in wish.say], 0.51, 0.89),
+    ):
+        cosines = (vectors @ embedder.embed(texts, "document").T).max(axis=1)
+        nearest: dict[int, float] = {}
+        for (need, _), cosine in zip(own, cosines, strict=True):
+            nearest[need] = max(nearest.get(need, -1.0), float(cosine))
+        assert np.median(list(nearest.values())) < median
+        assert max(nearest.values()) < highest
 
 
 def test_things_alike_are_one_and_a_broken_header_is_refused(

@@ -20,7 +20,7 @@ from erag.lm.llamacpp.likelihood import OUTPUTS, Due, likelihoods
 from erag.lm.llamacpp.native import NativeContext, NativeModel, Room
 from erag.lm.llamacpp.openings import Openings
 from erag.lm.llamacpp.plan import LEAST
-from erag.lm.llamacpp.probe import Candidate
+from erag.lm.llamacpp.probe import Candidate, Choice
 from erag.lm.llamacpp.probed import ProbedModel
 from erag.lm.llamacpp.sampler import Constrained, Greedy
 from erag.lm.probe import cpu
@@ -143,7 +143,16 @@ class LlamaCpp(ProbedModel[LlamaCppConfig]):
             self._loaded = _Loaded(model, Chats(model, self._config.context, self._command))
         return self._loaded
 
+    def file(self) -> Path:
+        """The file that is computed with, made where it is not there yet."""
+        return self._chosen()[0].path
+
     def _open(self) -> NativeModel:
+        candidate, choice = self._chosen()
+        return NativeModel(candidate.path, choice.kernels)
+
+    def _chosen(self) -> tuple[Candidate, Choice]:
+        """The weights in their form, and the kernels they survive."""
         config, probe = self._config, self._probe()
         path = self._store.path(config.model)
         shipped = Candidate(config.model, path, self._store.fingerprint(config.model))
@@ -152,7 +161,7 @@ class LlamaCpp(ProbedModel[LlamaCppConfig]):
         candidate = Forms(probe).get(shipped, form)
         if candidate != shipped:
             choice = probe.survive(candidate, config.kernels)
-        return NativeModel(candidate.path, choice.kernels)
+        return candidate, choice
 
 
 def _refuse_cut(prompts: Sequence[Prompt], done: Sequence[Completion], texts: Sequence[str]) -> None:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Kernels = Literal["fast", "plain"]
 KernelWish = Literal["auto", "fast", "plain"]
-Form = Literal["shipped", "bf16", "f16", "q8_0", "q4_0"]
-FormWish = Literal["auto", "shipped", "bf16", "f16", "q8_0", "q4_0"]
+Format = Literal["f16", "q8_0", "q6_k", "q5_k_m", "q4_k_m", "q4_0", "q3_k_m", "q2_k"]
+Form = Literal["shipped", "bf16"] | Format
+FormWish = Literal["auto"] | Form
+FILE_TYPES: Mapping[Form, int] = {
+    "bf16": 32, "f16": 1, "q8_0": 7, "q6_k": 18, "q5_k_m": 17, "q4_k_m": 15, "q4_0": 2, "q3_k_m": 12, "q2_k": 10,
+}  # fmt: skip  # llama_ftype
 
 
 class LlamaCppConfig(BaseModel):

@@ -13,14 +13,13 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from erag.core.errors import ModelError
-from erag.lm.llamacpp.config import Form, FormWish
+from erag.lm.llamacpp.config import FILE_TYPES, Form, FormWish
 from erag.lm.llamacpp.library import library_version
 from erag.lm.llamacpp.probe import Candidate, Probe
 from erag.lm.llamacpp.process import ask, child_command
 from erag.lm.probe import Cpu
 from erag.lm.weights.digest import Stamp, replace_durably, sha256_of, write_durably
 
-_FILE_TYPES: dict[Form, int] = {"bf16": 32, "f16": 1, "q8_0": 7, "q4_0": 2}  # llama_ftype
 _ONE_ROW_AT_A_TIME = frozenset({3, 9})  # Q4_1, Q5_1
 _LARGEST = 400 << 20  # bytes of a file that `auto` converts: the result is up to 3 times as large, in memory too
 
@@ -82,7 +81,7 @@ class Forms:
             "do": "convert",
             "path": str(source.path),
             "target": str(target),
-            "file_type": _FILE_TYPES[form],
+            "file_type": FILE_TYPES[form],
             "threads": self.probe.threads,
         }
         outcome = ask(self.probe.command or child_command(), request, self.probe.seconds)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol, TypeVar
 
+from erag.core.cores import cores
 from erag.lm.ledger import Ledger
 from erag.lm.llamacpp.probe import Probe, cache_folder
 from erag.lm.local import CallSized, LocalModel
@@ -47,7 +47,7 @@ class ProbedModel(LocalModel[Config]):
 
     @property
     def _threads(self) -> int:
-        return self._config.threads or os.cpu_count() or 1
+        return self._config.threads or cores()
 
     def _probe(self) -> Probe:
         return Probe(

@@ -6,21 +6,19 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import get_args
 
 import yaml
 
 from erag.core.errors import ModelError
+from erag.lm.llamacpp.config import FILE_TYPES, Format
 from erag.lm.llamacpp.process import ask, child_command
 from erag.lm.weights import Manifest, ModelStore
 from erag.lm.weights.digest import replace_durably, sha256_of, write_durably
 from erag.lm.weights.fetch import need_space
 from erag.lm.weights.manifest import ModelFile
 
-Format = Literal["f16", "q8_0", "q6_k", "q5_k_m", "q4_k_m", "q4_0", "q3_k_m", "q2_k"]
-FILE_TYPES: dict[Format, int] = {
-    "f16": 1, "q8_0": 7, "q6_k": 18, "q5_k_m": 17, "q4_k_m": 15, "q4_0": 2, "q3_k_m": 12, "q2_k": 10,
-}  # fmt: skip  # llama_ftype
+FORMATS: tuple[Format, ...] = get_args(Format)
 _WHOLE = ("f16", "bf16", "f32")
 _SECONDS = 3600.0
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from erag.lm.torchlm.attention import Attention, Grid, attention
 from erag.lm.torchlm.cache import Cache
-from erag.lm.torchlm.kernels import Kernels, Linear, linear, product
+from erag.lm.torchlm.kernels import Kernels, Linear, linear, product, wide
 from erag.lm.torchlm.shape import EMBEDDING, FINAL_NORM, HEAD, Shape
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Decoder:
         # What is kept beside the laid out weights is copied, so that the file they were read from can be unmapped.
         self._embedding, self._norm = tensors[EMBEDDING].clone(), tensors[FINAL_NORM].clone()
         self._head_weight = self._embedding if shape.tied else tensors[HEAD].clone()
-        self._head = linear(self._head_weight, None, kernels)
+        self._head = linear(self._head_weight, None, wide(kernels))
         self._layers = [_layer(tensors, f"blk.{i}.", kernels, shape.biased) for i in range(shape.layers)]
         self._turns = _turns(shape, rope_factors)
         self.dtype, self._kernels = self._embedding.dtype, kernels

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from erag.core.errors import ModelError
-from erag.lm.torchlm.kernels import Kernels, choose_kernels, linear, product
+from erag.lm.torchlm.kernels import Kernels, choose_kernels, linear, product, wide
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
@@ -29,6 +29,18 @@ def test_products(kernels: Kernels, dtype: torch.dtype, biased: bool, rows: int)
         torch.testing.assert_close(ours.times(x, other).double(), exact * other, **near)
         plain = torch.nn.functional.linear(x[0].double(), weight.double())
         torch.testing.assert_close(product(x[0], weight, kernels).double(), plain, **near)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+@pytest.mark.parametrize("kernels", ["int8", "int8_products"])
+def test_products_in_eight_bits_are_near(kernels: Kernels, dtype: torch.dtype) -> None:
+    torch.manual_seed(0)
+    weight, bias, x = torch.randn(64, 96).to(dtype), torch.randn(64).to(dtype), torch.randn(2, 24, 96).to(dtype)
+    exact = torch.nn.functional.linear(x.double(), weight.double(), bias.double())
+    found = linear(weight, bias, kernels)(x)
+    assert found.dtype == dtype
+    assert (found.double() - exact).abs().max() < 0.04 * exact.abs().max()
+    assert wide(kernels) == choose_kernels("auto")
 
 
 def test_kernels_that_do_not_exist_are_told() -> None:

@@ -1,0 +1,58 @@
+"""How large the files of models are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from erag.lm import adapter, student_checkpoint, understanding
+from erag.lm.adapter import AdapterConfig
+from erag.lm.checkpoints import shipped
+from erag.lm.llamacpp.backend import LlamaCpp
+from erag.lm.llamacpp.config import LlamaCppConfig
+from erag.lm.student import StudentConfig
+from erag.lm.student_checkpoint import read_words
+from erag.lm.understanding import UnderstandingConfig
+from erag.lm.weights import ModelStore
+
+_SHIPPED: dict[type[BaseModel], str] = {
+    AdapterConfig: adapter.SHIPPED, StudentConfig: student_checkpoint.SHIPPED,
+    UnderstandingConfig: understanding.SHIPPED,
+}  # fmt: skip
+
+
+def model_mb(models: Iterable[BaseModel], store: ModelStore) -> float | None:
+    """MB of all that has to be there for models to compute, each file once; None where nothing has to."""
+    files = {path: size for model in models for path, size in _files(model, store)}
+    return sum(files.values()) / 1e6 if files else None
+
+
+def _files(model: BaseModel, store: ModelStore) -> Iterator[tuple[Path, int]]:
+    """Files and folders with their bytes: weights of the store, checkpoints, and those of models within."""
+    if isinstance(model, LlamaCppConfig):
+        yield from _sized(LlamaCpp(model, store).file())
+        return
+    if type(model) in _SHIPPED:
+        checkpoint: Path = getattr(model, "checkpoint", None) or shipped(_SHIPPED[type(model)])
+        yield from _sized(checkpoint)
+        if isinstance(model, StudentConfig) and checkpoint.is_file():
+            yield from _stored(read_words(checkpoint).backbone, store)
+    for value in (getattr(model, name) for name in type(model).model_fields):
+        if isinstance(value, str):
+            yield from _stored(value, store)
+        elif isinstance(value, Path):
+            yield from _sized(value)
+        elif isinstance(value, BaseModel):
+            yield from _files(value, store)
+
+
+def _stored(name: str, store: ModelStore) -> Iterator[tuple[Path, int]]:
+    if name in {manifest.id for manifest in store.all()}:
+        yield store.folder(name), store.manifest(name).bytes or 0
+
+
+def _sized(path: Path) -> Iterator[tuple[Path, int]]:
+    if path.is_file():
+        yield path, path.stat().st_size
