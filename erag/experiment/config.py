@@ -69,10 +69,10 @@ class SystemConfig(_Config):
     """A system that is asked: a preset with overrides, or Naive-RAG.
 
     `queries`: asked only a sample of that many questions of each set, drawn by the seed and spread over environments.
-    `data`, `environments` and `sets` restrict what it is asked. Without `refuses` it answers whatever it finds, as the
-    systems of other papers do. `flat` marks the baselines of which the best is what others are tested against; `ours`
-    the systems that are this project's, the first of them the default; `stands_for` says which of the paper's systems
-    it is the counterpart of.
+    `data`, `environments` and `sets` restrict what it is asked. A `plain` one answers whatever it finds, in the order
+    of its scores, as the systems of other papers do: without our thresholds and our spreading over places. `flat` marks
+    the baselines of which the best is what others are tested against; `ours` the systems that are this project's, the
+    first of them the default; `stands_for` says which of the paper's systems it is the counterpart of.
     """
 
     preset: str = "tiny"
@@ -82,7 +82,7 @@ class SystemConfig(_Config):
     data: Values = ()
     environments: Values = ()
     sets: Values = ()
-    refuses: bool = True
+    plain: bool = False
     flat: bool = False
     ours: bool = False
     stands_for: str = ""

@@ -33,14 +33,15 @@ from erag.pipeline.query import Asker, metered
 from erag.retrieve.config import RelevanceConfig, TreeConfig
 
 _SCORES = ("node", "score", "semantic", "spatial", "sensor")  # of a hit, as the system gave them
-# Of a system that does not refuse: no share of evidence is too little.
-ANYTHING = tuple(f"answer.least_{what}=0" for what in ("probability", "named", "evidence", "explained"))
+# Of a plain system: no evidence is too little, and places do not matter.
+_LEAST = tuple(f"answer.least_{what}=0" for what in ("probability", "named", "evidence", "explained"))
+PLAIN = (*_LEAST, "retrieve.places=null")
 ANSWERING = 2  # raised when the same configuration and memory give another prediction
 
 
 def pipeline_of(system: SystemConfig) -> PipelineConfig:
     """The pipeline's configuration of a system. Naive-RAG writes with a model of its own and retrieves by vectors."""
-    config = _configured(system.preset, (*system.overrides, *(() if system.refuses else ANYTHING)))
+    config = _configured(system.preset, (*system.overrides, *(PLAIN if system.plain else ())))
     if system.naive is None:
         return config
     embeds = config.backend.roles["embed"]

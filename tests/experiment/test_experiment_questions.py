@@ -140,8 +140,9 @@ def test_what_holds_for_every_system_is_written_into_each(tmp_path: Path) -> Non
     assert all("answer.facts=1" in system.overrides for system in made.systems.values())
     assert "k = 1" in made.systems
     assert resolved(made) == made
-    plain, whatever = (pipeline_of(SystemConfig(refuses=refuses)).answer for refuses in (True, False))
-    assert (plain.least_probability, whatever.least_probability) == (0.2, 0)
+    ours, plain = (pipeline_of(SystemConfig(plain=plain)) for plain in (False, True))
+    assert (ours.answer.least_probability, plain.answer.least_probability) == (0.2, 0)
+    assert (ours.retrieve.places is None, plain.retrieve.places is None) == (False, True)
 
 
 def test_configurations_that_cannot_be_are_refused(tmp_path: Path) -> None:

@@ -118,20 +118,22 @@ Experiment(ExperimentConfig.model_validate(yaml.safe_load(open(config))), Path(o
 
 
 @pytest.mark.parametrize(("after", "how"), [(3, "whole"), (9, "cut")])
-def test_a_killed_run_goes_on_where_it_was(work: Path, done: Path, tmp_path: Path, after: int, how: str) -> None:
-    written = tmp_path / "small.yaml"
+def test_a_killed_run_goes_on_where_it_was(done: Path, tmp_path: Path, after: int, how: str) -> None:
+    written, work = tmp_path / "small.yaml", tmp_path / "work"
     written.write_text(yaml.safe_dump(raw(work)))
     out = tmp_path / "killed"
     killed = subprocess.run([sys.executable, "-c", DOOMED, str(written), str(out), str(after), how], check=False)
     assert killed.returncode == -signal.SIGKILL
     assert len(read_predictions(out / "predictions.jsonl")) == after
     experiment = ran(config(work), out)
-    assert experiment.asked_now == len(answers(done)) - after
+    assert experiment.asked_now == len(answers(done)) - after - 1  # one answer was kept in the work folder alone
+    assert experiment.taken_over == 1
     assert answers(out) == answers(done)
     assert figures(out) == figures(done)
 
 
-def test_another_configuration_is_asked_anew_and_the_old_answers_are_kept_aside(work: Path, tmp_path: Path) -> None:
+def test_another_configuration_is_asked_anew_and_the_old_answers_are_kept_aside(tmp_path: Path) -> None:
+    work = tmp_path / "work"
     systems = {"a": {"overrides": [FAKE, NEVER]}, "b": {"overrides": [FAKE, NEVER, BM25]}}
     first = ran(config(work, systems=systems), tmp_path / "run")
     changed = {**systems, "b": {"overrides": [FAKE, NEVER, BM25, "retrieve.retriever.k1=1.2"]}}
