@@ -37,9 +37,10 @@ def variants_report(config: GgufStudy, report: Report, whole: bool) -> str:
 {markdown(report.table())}
 
 The knee is {report.knee}: {RULE}.
-Lost: nats a token against {first.name}, caption by caption, with the 95 % interval over {len(first.nats)} captions of
-`{config.source}`. Decisions: {len(first.right)} {labels}, by likelihood. Speed: one prompt of about {config.words}
-words at a time, with {config.answer} tokens of answer. Where the rows of a tensor are no multiple of 256 (those of
+Lost: nats a token against the shipped file, caption by caption, with the 95 % interval over {len(first.nats)} captions
+of `{config.source}`. Decisions: {len(first.right)} {labels}, by likelihood. Speed: one prompt of about {config.words}
+words at a time, with {config.answer} tokens of answer. Models in PyTorch compute with what the shipped file says; their
+MB are that file's, and the knee is not sought among them. Where the rows of a tensor are no multiple of 256 (those of
 SmolLM2 are 576 long) llama.cpp takes the nearest older format for it, so that a K format of such a model is larger than
 its name says.
 

@@ -23,9 +23,10 @@ class _Config(BaseModel):
 class GgufStudy(_Config):
     """A language model in several GGUF formats, and each of them measured.
 
-    Quality is the mean log-likelihood a token of the first `texts` captions of `source` (a path, or `sample`), and how
-    often the selector agrees with `decisions` (none: with the labels of the sample), of which `choices` are asked.
-    Speed is of `words` words read and `answer` tokens written by a single prompt. `engines` are measured beside.
+    Quality is the mean log-likelihood a token of `texts` captions of `source` (a path, or `sample`), and how often the
+    selector agrees with `decisions` (none: with the labels of the sample, among `cards`), of which `choices` are asked.
+    Speed is of `words` words read and `answer` tokens written by a single prompt, the median of `repeats`. `engines`
+    are measured beside. A variant's file is deleted once it is measured, unless `keep`.
     """
 
     kind: Literal["gguf"]
@@ -36,8 +37,11 @@ class GgufStudy(_Config):
     texts: int = Field(60, ge=1)
     decisions: tuple[DecisionSource, ...] = ()
     choices: int = Field(150, ge=1)
+    cards: int = Field(5, ge=2, le=20)
     words: int = Field(200, ge=8)
     answer: int = Field(48, ge=2)
+    repeats: int = Field(3, ge=1)
+    keep: bool = False
     threads: int | None = Field(None, ge=1, le=1024)
     engines: dict[str, TextEngine] = {}
 

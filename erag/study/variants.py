@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -19,7 +19,8 @@ from erag.data.sample import sample_dir, sample_queries
 from erag.evaluate.labelled import read_labelled
 from erag.evaluate.statistics import Interval, bootstrap, paired_bootstrap
 from erag.lm.config import LlamaCppRoles, text_engine
-from erag.lm.llamacpp.quantise import quantise, source_of, variants_store
+from erag.lm.llamacpp.library import library_version
+from erag.lm.llamacpp.quantise import Source, discard, quantise, source_of, variants_store
 from erag.lm.offline import go_offline
 from erag.lm.roles import Prompt, SelectTask
 from erag.lm.textmodel import Continuation, TextModel
@@ -35,7 +36,6 @@ from erag.study.shown import Shown
 
 ASKED = "Describe what the robot sees."
 SHIPPED = "shipped"
-_CARDS = 5  # of a decision made of the sample's labels
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,9 @@ class Report:
     knee: str
 
     def difference(self, one: Measured) -> Interval:
-        """Nats a token lost against the first, caption by caption."""
-        return paired_bootstrap(one.nats, self.measured[0].nats)
+        """Nats a token lost against the shipped file, which all are made of, caption by caption."""
+        shipped = next(m for m in self.measured if m.name == SHIPPED)
+        return paired_bootstrap(one.nats, shipped.nats)
 
     def table(self) -> Shown:
         """The figures for the terminal and the report."""
@@ -80,65 +81,77 @@ class Report:
 
 
 def run(config: GgufStudy, store: ModelStore, progress: Progress = quiet) -> Report:
-    """Make the variants, measure each, and write table and plot beside them. What has been measured is kept.
+    """Make the variants one by one, measure each, and write table and plot. What has been measured is not made again.
 
     Raises InputError for a source without captions, ModelError for a model that cannot be quantised.
     """
     go_offline()
-    source = source_of(store, config.model)
-    captions, decisions = _captions(config), _decisions(config)
-    made = variants_store(config.out)
+    source, study = source_of(store, config.model), _Study(config, store, _captions(config), _decisions(config))
     stages = [*config.variants, *config.engines, SHIPPED]
-    one: TextEngine
     measured = []
     for done, name in enumerate(stages):
         progress("variants", done, len(stages))
-        if name in config.engines:
-            engine, size = config.engines[name], source.path.stat().st_size
-            one, weights = text_engine(engine, store), f"{store.fingerprint(engine.model)} {engine.model_dump_json()}"
-        elif name == SHIPPED:
-            one, size = _engine(config, config.model, store), source.path.stat().st_size
-            weights = source.manifest.fingerprint
-        else:
-            manifest = quantise(source, name, config.out, threads=_threads(config))  # type: ignore[arg-type]
-            made = variants_store(config.out)  # its manifests are read once
-            one, size, weights = _engine(config, manifest.id, made), manifest.bytes or 0, manifest.fingerprint
-        measured.append(_kept(config, name, weights, one, size, captions, decisions))
+        measured.append(study.measured(name, source))
     progress("variants", len(stages), len(stages))
     measured.sort(key=lambda m: (-m.bytes, m.name))
-    files = {m.name: (float(m.bytes), m.loss) for m in measured if m.name not in config.engines}
-    report = Report(config.model, tuple(measured), knee(files))
+    files = [m for m in measured if m.name not in config.engines]
+    report = Report(config.model, tuple(measured), knee({m.name: (float(m.bytes), m.loss) for m in files}))
     (config.out / "report.md").write_text(variants_report(config, report, source.whole), encoding="utf-8")
-    pareto(
-        config.out / "pareto.png", config.model, [(m.name, m.bytes, m.loss, m.decode) for m in measured], report.knee
-    )
+    points = [(m.name, m.bytes, m.loss, m.decode) for m in files]
+    pareto(config.out / "pareto.png", config.model, points, report.knee)
     return report
 
 
-def _threads(config: GgufStudy) -> int:
-    return config.threads or cores()
+@dataclass(frozen=True)
+class _Study:
+    """What each variant is measured with; figures are kept in a file a variant."""
 
+    config: GgufStudy
+    store: ModelStore
+    captions: Sequence[str]
+    decisions: Sequence[Decision]
 
-def _engine(config: GgufStudy, model: str, store: ModelStore) -> TextEngine:
-    return text_engine(LlamaCppRoles(model=model, threads=config.threads, weights="shipped"), store)
+    def measured(self, name: str, source: Source) -> Measured:
+        """The figures of a variant, of an engine, or of the shipped file."""
+        size = source.path.stat().st_size
+        if name in self.config.engines:
+            engine = self.config.engines[name]
+            said = f"{self.store.fingerprint(engine.model)} {engine.model_dump_json()}"
+            return self._kept(name, said, lambda: self._figures(name, text_engine(engine, self.store), size))
+        if name == SHIPPED:
+            return self._kept(name, "", lambda: self._figures(name, self._engine(self.config.model, self.store), size))
+        return self._kept(name, source.manifest.fingerprint, lambda: self._made(name, source))
 
+    def _made(self, name: str, source: Source) -> Measured:
+        """The figures of a variant that is quantised for it."""
+        config = self.config
+        manifest = quantise(source, name, config.out, threads=config.threads or cores())  # type: ignore[arg-type]
+        made = variants_store(config.out)  # its manifests are read once
+        found = self._figures(name, self._engine(manifest.id, made), manifest.bytes or 0)
+        if not config.keep:
+            discard(manifest.id, config.out)
+        return found
 
-def _kept(
-    config: GgufStudy, name: str, weights: str, model: TextEngine, size: int, captions: Sequence[str],
-    decisions: Sequence[Decision],
-) -> Measured:  # fmt: skip
-    """The figures of a variant, measured unless they were for the same weights and the same texts."""
-    said = config.model_dump_json(include={"words", "answer", "threads"})
-    asked = [json.dumps(asdict(d), sort_keys=True) for d in decisions]
-    key = content_hash(weights, said, *captions, *asked).hex()[:16]
-    file = config.out / "figures" / f"{name}-{key}.json"
-    if file.is_file():
-        raw = json.loads(file.read_text(encoding="utf-8"))
-        return Measured(**{**raw, "nats": tuple(raw["nats"]), "right": tuple(raw["right"])})
-    prefill, decode = _speed(config, model)
-    found = Measured(name, size, _nats(model, captions), _right(model, decisions), prefill, decode)
-    write_durably(file, json.dumps(asdict(found), indent=1))
-    return found
+    def _engine(self, model: str, store: ModelStore) -> TextEngine:
+        return text_engine(LlamaCppRoles(model=model, threads=self.config.threads, weights="shipped"), store)
+
+    def _figures(self, name: str, model: TextEngine, size: int) -> Measured:
+        prefill, decode = _speed(self.config, model)
+        return Measured(name, size, _nats(model, self.captions), _right(model, self.decisions), prefill, decode)
+
+    def _kept(self, name: str, weights: str, measure: Callable[[], Measured]) -> Measured:
+        """Measured, unless it was with the same weights, library and texts."""
+        said = self.config.model_dump_json(include={"model", "words", "answer", "repeats", "threads"})
+        asked = [json.dumps(asdict(d), sort_keys=True) for d in self.decisions]
+        shipped, library = self.store.fingerprint(self.config.model), library_version() or ""
+        key = content_hash(name, weights, shipped, library, said, *self.captions, *asked).hex()[:16]
+        file = self.config.out / "figures" / f"{name}-{key}.json"
+        if file.is_file():
+            raw = json.loads(file.read_text(encoding="utf-8"))
+            return Measured(**{**raw, "nats": tuple(raw["nats"]), "right": tuple(raw["right"])})
+        found = measure()
+        write_durably(file, json.dumps(asdict(found), indent=1))
+        return found
 
 
 def _nats(model: TextModel, captions: Sequence[str]) -> tuple[float, ...]:
@@ -152,9 +165,9 @@ def _right(model: TextEngine, decisions: Sequence[Decision]) -> tuple[float, ...
 
 
 def _speed(config: GgufStudy, model: TextModel) -> tuple[float, float]:
-    """Tokens a second read and written by one prompt at a time, medians of three after a warm-up."""
+    """Tokens a second read and written by one prompt at a time, medians after a warm-up."""
     reads, writes = [], []
-    for turn in range(4):
+    for turn in range(config.repeats + 1):
         read, _, first = _timed(model, _counting(config, 2 * turn, most=1))
         longer, wrote, whole = _timed(model, _counting(config, 2 * turn + 1, most=config.answer))
         if turn:
@@ -184,20 +197,20 @@ def _captions(config: GgufStudy) -> list[str]:
 
 
 def _decisions(config: GgufStudy) -> list[Decision]:
-    found = read_decisions(config.decisions) if config.decisions else _labelled()
+    found = read_decisions(config.decisions) if config.decisions else _labelled(config.cards)
     return found[:: max(1, len(found) // config.choices)][: config.choices]
 
 
-def _labelled() -> list[Decision]:
-    """Decisions of the sample: a caption that answers a labelled query, among four that do not."""
+def _labelled(cards: int) -> list[Decision]:
+    """Decisions of the sample: a caption that answers a labelled query, among others that do not."""
     captions = {o.id: o.caption for o in read(sample_dir()).observations if o.caption}
     rng, made = np.random.default_rng(0), []
     for query in read_labelled(sample_queries(), {}):
         text = (query.line.raw or {}).get("query")
         good = sorted(node for node in query.relevant if node in captions)
         bad = sorted({captions[n] for n in captions if n not in query.relevant} - {captions[n] for n in good})
-        if text and good and len(bad) >= _CARDS - 1:
-            cards = [captions[good[int(rng.integers(len(good)))]], *rng.choice(bad, _CARDS - 1, replace=False).tolist()]
-            order = rng.permutation(_CARDS)
-            made.append(Decision(str(text), tuple(cards[i] for i in order), int(np.flatnonzero(order == 0)[0])))
+        if text and good and len(bad) >= cards - 1:
+            shown = [captions[good[int(rng.integers(len(good)))]], *rng.choice(bad, cards - 1, replace=False).tolist()]
+            order = rng.permutation(cards)
+            made.append(Decision(str(text), tuple(shown[i] for i in order), int(np.flatnonzero(order == 0)[0])))
     return made

@@ -136,6 +136,8 @@ def test_a_study_measures_each_variant_once(smollm2: ModelStore, tmp_path: Path)
     config = GgufStudy(kind="gguf", variants=("q8_0",), out=tmp_path, texts=3, choices=3, words=20, answer=4, threads=2)
     report = run(config, smollm2)
     assert [m.name for m in report.measured] == ["q8_0", "shipped"]
+    assert report.difference(report.measured[1]).mean == 0
+    assert not list(tmp_path.rglob("*.gguf")) + list((tmp_path / "manifests").iterdir())  # deleted once measured
     assert all(len(m.nats) == 3 and len(m.right) == 3 and m.loss > 0 and m.decode > 0 for m in report.measured)
     assert "The knee is" in (tmp_path / "report.md").read_text()
     assert (tmp_path / "pareto.png").read_bytes()[:4] == b"\x89PNG"

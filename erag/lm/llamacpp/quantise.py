@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,6 +78,12 @@ def quantise(
     said = manifest.model_dump(mode="json", exclude_defaults=True)
     write_durably(known, f"# made by erag quantise\n{yaml.safe_dump(said, sort_keys=False, allow_unicode=True)}")
     return manifest
+
+
+def discard(variant: str, folder: Path) -> None:
+    """Delete a variant's file and its manifest."""
+    shutil.rmtree(variants_store(folder).folder(variant))
+    (folder / "manifests" / f"{variant}.yaml").unlink()
 
 
 def _convert(source: Source, form: Format, target: Path, threads: int, seconds: float, command: Sequence[str]) -> None:
