@@ -93,11 +93,19 @@ class AgreementRow(BaseModel):
     models: tuple[str, ...] = ()
 
 
+def triable(one: Posed) -> bool:
+    """Whether a panel can be tried on a question: in words, labelled, and without a wish for readings.
+
+    Labels count such a wish, and judges read no sensors.
+    """
+    return bool(one.question.relevant and one.question.text) and not one.stated
+
+
 def tried(
     asker: Asker, scene: Scene, questions: Sequence[Posed], bench: Bench, config: AgreementConfig, seed: int
 ) -> Tried | None:
     """The pairs of some questions about one environment with the panel's votes; None where no question has labels."""
-    asked = [q for q in questions if q.question.relevant and q.question.text]
+    asked = [q for q in questions if triable(q)]
     if not asked:
         return None
     lines = (QueryLine(1, q.question.id, {"id": q.question.id, "query": q.question.text}) for q in asked)
@@ -162,7 +170,7 @@ def answered_rows(
     votes: Sequence[Voted], questions: Sequence[QuestionRecord], panel: PanelConfig, similarity: str
 ) -> list[AgreementRow]:
     """The agreement on the pairs that systems answered, which is where a panel counts, by data set and kind."""
-    kinds = {q.key: q.kind for q in questions if q.relevant}
+    kinds = {q.key: q.kind for q in questions if q.relevant and not q.stated}
     known = [v for v in votes if v.relevant is not None and v.key[:3] in kinds]
     names = tuple(name for name in panel.judges if any(name in v.votes for v in known))
     models = tuple(panel.models(name, similarity) for name in names)

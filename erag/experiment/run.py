@@ -21,7 +21,7 @@ from erag.data.registry import read
 from erag.evaluate.judges.stack import Stack, fit_stack, read_stack
 from erag.evaluate.scene import Scene
 from erag.evaluate.text import SemanticSimilarity
-from erag.experiment.agreement import AgreementRow, Tried, TriedPair, agreement_rows, joined, stackable, tried
+from erag.experiment.agreement import AgreementRow, Tried, TriedPair, agreement_rows, joined, stackable, triable, tried
 from erag.experiment.answered import Answered
 from erag.experiment.asking import Ground, everything, parted
 from erag.experiment.config import ExperimentConfig, SystemConfig, model_name
@@ -199,7 +199,7 @@ class Experiment:
         config = self.config.panel.agreement
         if config is None:
             return None
-        every = [q for g in self.grounds for q in g.questions if q.question.relevant and q.question.text]
+        every = [q for g in self.grounds for q in g.questions if triable(q)]
         sample = chosen(every, SystemConfig(queries=config.questions), self.config.seed)
         wanted = {q.key for q in sample}
         questions = [q for q in ground.questions if q.key in wanted]

@@ -298,7 +298,8 @@ def test_what_was_answered_is_a_trial_of_the_panel(done: Path) -> None:
     rows = list(csv.DictReader((done / "agreement.csv").open()))
     row = next(r for r in rows if (r["over"], r["judge"]) == ("answered", "words"))
     judged = [json.loads(line) for line in (done / "votes.jsonl").read_text().splitlines()]
-    labelled = {q.id for q in read_records(done / "questions.jsonl", QuestionRecord) if q.relevant}
+    records = read_records(done / "questions.jsonl", QuestionRecord)
+    labelled = {q.id for q in records if q.relevant and not q.stated}
     cast = [v for v in judged if v["id"] in labelled and "words" in v["votes"]]
     assert (int(row["pairs"]), int(row["right"])) == (len(cast), sum(v["relevant"] for v in cast))
 

@@ -183,7 +183,9 @@ def test_numbers_as_ids_are_texts(tmp_path: Path) -> None:
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"no data set 'mars'.*allowed: building99, cmu_500, coex_1f, sample, simulated"):
+    with pytest.raises(
+        ConfigError, match=r"no data set 'mars'.*allowed: building99, cmu_500, coex_1f, sample, simulated"
+    ):
         load_dataset("mars")
     with pytest.raises(ConfigError, match="needs its folder"):
         load_dataset("cmu_500")
