@@ -92,8 +92,9 @@ class SystemConfig(_Config):
 class ColumnConfig(_Config):
     """A column of a table: the mean of a metric over a set of questions asked in one mode.
 
-    With `stated` only questions that state a wish for readings themselves count. `printed` are the paper's figures by
-    the name of its system.
+    With `stated` only questions that state a wish for readings themselves count. `better` says whether `more` or `less`
+    is, where the metric alone does not (refusals of what nothing answers). `printed` are the paper's figures by the
+    name of its system.
     """
 
     title: str
@@ -101,6 +102,7 @@ class ColumnConfig(_Config):
     metric: Metric
     mode: Mode = "Q"
     stated: bool = False
+    better: Literal["more", "less"] | None = None
     printed: dict[str, float] = {}
 
 

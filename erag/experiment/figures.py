@@ -57,7 +57,7 @@ def _dots(table: Table, choices: Choices, folder: Path) -> Picture:
         for label in axis.get_yticklabels():
             label.set_color(_ink(label.get_text(), choices))
         axis.set_ylim(-0.6, len(names) - 0.4)
-        axis.set_xlim(left=min(0, axis.get_xlim()[0]))
+        axis.set_xlim(left=min(0.0, *(_lowest(table.rows[name][i]) for name in names)))
         axis.tick_params(axis="x", labelsize=8)
         axis.tick_params(axis="y", length=0)
     made.suptitle(f"{table.title}: {table.data}", fontsize=10)
@@ -67,6 +67,10 @@ def _dots(table: Table, choices: Choices, folder: Path) -> Picture:
     )
     name = slug(table.title, table.data)
     return Picture(save(made, folder, f"{name}.png"), told, name)
+
+
+def _lowest(cell: Cell | None) -> float:
+    return 0.0 if cell is None else cell.value if cell.interval is None else cell.interval.low
 
 
 def _ink(name: str, choices: Choices) -> str:
@@ -93,11 +97,15 @@ def _quality(table: Table, scores: Sequence[Scored], choices: Choices, folder: P
     points = [(n, max(median(seconds[n]), 1e-4), c[0]) for n, c in table.rows.items() if n in seconds and c[0]]
     if len(points) < 2:
         return None
+    from matplotlib.ticker import NullFormatter
+
     made, (axis,) = figure(1, 7.4, 4.2)
     for name, x, cell in points:
         axis.plot([x], [cell.value], "o", color=_ink(name, choices), markersize=5.5)
     axis.set_xscale("log")
-    axis.margins(x=0.08, y=0.1)
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.set_xlim(min(x for _, x, _ in points) / 2, max(x for _, x, _ in points) * 2)
+    axis.set_ylim(*_room([cell.value for _, _, cell in points]))
     axis.set_xlabel("median seconds a question", fontsize=8)
     axis.set_ylabel(table.columns[0].title, fontsize=8)
     axis.tick_params(labelsize=8)
@@ -107,6 +115,13 @@ def _quality(table: Table, scores: Sequence[Scored], choices: Choices, folder: P
     return Picture(
         save(made, folder, f"{slug(table.title, table.data, 'cost')}.png"), told, slug(table.title, table.data)
     )
+
+
+def _room(values: Sequence[float]) -> tuple[float, float]:
+    """From where to where an axis goes: a tenth at least, so that small differences do not look large."""
+    low, high = min(values), max(values)
+    spare = max(0.1 * (high - low), (0.1 - (high - low)) / 2)
+    return low - spare, high + spare
 
 
 def _labels(axis: Any, points: Sequence[tuple[str, float, float]], choices: Choices) -> None:

@@ -13,6 +13,8 @@ from erag.experiment.sheets import slug
 from erag.experiment.tables import OPEN, Choices, Table, Values, columns_of, paired, sign
 
 SURE = 0.05  # the p-value after Holm's correction below which a difference is called one
+UNSURE = "no difference shown"
+CONTROLS = frozenset({"ss_generic", "ss_echo", "fact_coverage_generic"})  # the same for every system
 LEAST = 20  # questions in common below which a system is not the best other one, unless the default has no more
 
 
@@ -29,8 +31,8 @@ class Finding:
     def verdict(self) -> str:
         """Which of the two is better, or that no difference is shown."""
         if self.test.adjusted >= SURE or not self.test.difference.mean:
-            return "no difference shown"
-        gain = self.test.difference.mean * sign(self.column.metric)
+            return UNSURE
+        gain = self.test.difference.mean * sign(self.column)
         return f"{self.test.system if gain > 0 else self.test.baseline} is better"
 
     @property
@@ -44,7 +46,7 @@ def findings(config: TableConfig, data: str, scores: Sequence[Scored], choices: 
         return []
     made = []
     for column, values in zip(config.columns, columns_of(config, data, scores, choices), strict=True):
-        best = None if column.metric in OPEN else _best_other(column, values, choices)
+        best = None if column.metric in OPEN | CONTROLS else _best_other(column, values, choices)
         if best is not None:
             made.append((column, best, values))
     tests = [paired(choices.ours[0], best, values, choices) for _, best, values in made]
@@ -61,7 +63,7 @@ def _best_other(column: ColumnConfig, values: Mapping[str, Values], choices: Cho
     least = min(LEAST, len(default))
     others = {n: [v[k] for k in v if k in default] for n, v in values.items() if n not in choices.ours}
     means = {n: sum(known) / len(known) for n, known in others.items() if known and len(known) >= least}
-    return max(means, key=lambda name: sign(column.metric) * means[name]) if means else None
+    return max(means, key=lambda name: sign(column) * means[name]) if means else None
 
 
 def _finding(column: ColumnConfig, best: str, values: Mapping[str, Values], test: Comparison) -> Finding:
@@ -78,23 +80,20 @@ def told(found: Sequence[Finding], data: str) -> list[str]:
         return []
     default = found[0].test.system
     better = [f for f in found if f.verdict == f"{default} is better"]
-    worse = [f for f in found if f not in better and f.verdict != "no difference shown"]
-    open_ = [f for f in found if f.verdict == "no difference shown"]
-    said = [f"On {data}, `{default}` against the best system that is not ours, column by column:"]
-    said += _part("better in", better)
-    said += _part("worse in", worse)
-    said += _part("no difference is shown in", open_)
-    return [said[0], "", *said[1:], ""]
-
-
-def _part(what: str, found: Sequence[Finding]) -> list[str]:
-    return [f"* **{what}** " + "; ".join(map(_sentence, found)) + "."] if found else []
+    worse = [f for f in found if f not in better and f.verdict != UNSURE]
+    unsure = [f for f in found if f.verdict == UNSURE]
+    counts = f"better in {len(better)} of {len(found)} columns, worse in {len(worse)}"
+    lines = [f"On {data}: `{default}` is, against the best system that is not ours, {counts}.", ""]
+    lines += [f"* **{what}**: {_sentence(f)}." for what, some in (("better", better), ("worse", worse)) for f in some]
+    if unsure:
+        lines.append(f"* no difference shown: {'; '.join(map(_sentence, unsure))}.")
+    return [*lines, ""]
 
 
 def _sentence(one: Finding) -> str:
     test, by = one.test, one.test.difference
     return (
-        f"{one.column.title}, {one.ours:.2f} to the {one.other:.2f} of {test.baseline} ({by.mean:+.2f} "
+        f"{one.column.title} {one.ours:.2f} to the {one.other:.2f} of {test.baseline} ({by.mean:+.2f} "
         f"[{by.low:+.2f}, {by.high:+.2f}], n {one.n}, p {_p(test.adjusted)})"
     )
 
@@ -115,7 +114,7 @@ def told_of_parts(made: Table, against: str) -> list[str]:
 
 def _changes(tests: Sequence[Comparison], column: ColumnConfig) -> str:
     sure = [t for t in tests if t.adjusted < SURE and t.difference.mean]
-    better = [t for t in sure if t.difference.mean * sign(column.metric) > 0]
+    better = [t for t in sure if t.difference.mean * sign(column) > 0]
     parts = {"better": better, "worse": [t for t in sure if t not in better]}
     said = [f"{what}: {', '.join(map(_change, some))}" for what, some in parts.items() if some]
     others = len(tests) - len(sure)

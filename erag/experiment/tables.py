@@ -19,7 +19,7 @@ from erag.experiment.predictions import QuestionKey
 from erag.experiment.scoring import Scored
 
 OPEN = frozenset({"metres@1", "on_edges@1", "on_edges@5", "reading@1"})  # metrics that need an answer
-LOWER = ("seconds", "visited", "metres", "tokens", "calls", "refused", "error")  # less is better
+LOWER = ("seconds", "visited", "metres", "tokens", "calls", "refused", "error", "fact_contradicted")  # less is better
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,10 @@ class Choices:
 Values = dict[QuestionKey, float]
 
 
-def sign(metric: str) -> float:
-    """1 for a metric of which more is better, -1 for one of which less is."""
-    return -1.0 if metric.startswith(LOWER) else 1.0
+def sign(column: ColumnConfig) -> float:
+    """1 for a column of which more is better, -1 for one of which less is."""
+    less = column.metric.startswith(LOWER) if column.better is None else column.better == "less"
+    return -1.0 if less else 1.0
 
 
 def table(config: TableConfig, data: str, scores: Sequence[Scored], choices: Choices) -> Table:
@@ -84,8 +85,7 @@ def table(config: TableConfig, data: str, scores: Sequence[Scored], choices: Cho
         if any(cells_of):
             rows[name] = cells_of
     tests = {
-        c.title: compared(values, c.metric, choices, config.against)
-        for c, values in zip(config.columns, found, strict=True)
+        c.title: compared(values, c, choices, config.against) for c, values in zip(config.columns, found, strict=True)
     }
     return Table(config.title, data, config.columns, rows, {title: made for title, made in tests.items() if made})
 
@@ -119,18 +119,20 @@ def _cell(values: Values, choices: Choices) -> Cell | None:
     return Cell(interval.mean, interval, len(known))
 
 
-def compared(column: Mapping[str, Values], metric: str, choices: Choices, against: str = "") -> tuple[Comparison, ...]:
+def compared(
+    values: Mapping[str, Values], column: ColumnConfig, choices: Choices, against: str = ""
+) -> tuple[Comparison, ...]:
     """Every system against one, or the column's best flat baseline, on the questions both were asked; Holm over all.
 
     The best is the one with the best mean on the questions it was asked, which favours the baselines. A metric that
     needs an answer is not compared: its questions are not the same.
     """
-    flat = [name for name in column if (name == against if against else name in choices.flat) and column[name]]
-    if not flat or metric in OPEN:
+    flat = [n for n in values if (n == against if against else n in choices.flat) and values[n]]
+    if not flat or column.metric in OPEN:
         return ()
-    best = max(flat, key=lambda name: sign(metric) * sum(column[name].values()) / len(column[name]))
-    others = [n for n in choices.systems if n in column and n != best and any(k in column[best] for k in column[n])]
-    tests = {name: paired(name, best, column, choices) for name in others}
+    best = max(flat, key=lambda name: sign(column) * sum(values[name].values()) / len(values[name]))
+    others = [n for n in choices.systems if n in values and n != best and any(k in values[best] for k in values[n])]
+    tests = {name: paired(name, best, values, choices) for name in others}
     adjusted = holm({name: test.p for name, test in tests.items()})
     return tuple(replace(test, adjusted=adjusted[name]) for name, test in tests.items())
 

@@ -51,8 +51,9 @@ def test_the_default_against_the_best_that_was_asked_enough() -> None:
     assert (hit.test.adjusted, hit.verdict) == (pytest.approx(2 / 256), "tiny is better")
     assert (time.test.baseline, time.verdict) == ("flat", "flat is better")  # of seconds less is better
     words = "\n".join(told([hit, time], "d, T"))
-    assert "**better in** hit, 1.00 to the 0.20 of flat (+0.80 [+0.50, +1.00], n 10, p = .008)" in words
-    assert "**worse in** time" in words
+    assert "better in 1 of 2 columns, worse in 1" in words
+    assert "* **better**: hit 1.00 to the 0.20 of flat (+0.80 [+0.50, +1.00], n 10, p = .008)." in words
+    assert "* **worse**: time" in words
     (sheet,) = findings_sheet([hit, time], "T", "d")
     assert [row[-1] for row in sheet.rows] == ["tiny is better", "flat is better"]
 
@@ -61,11 +62,22 @@ def test_no_difference_is_said_to_be_none() -> None:
     alike = scores(tiny={"p_q_a__1": [0.5] * 5}, flat={"p_q_a__1": [0.5] * 5})
     (found,) = findings(TableConfig(title="T", columns=(HIT,)), "d", alike, CHOICES)
     assert (found.test.p, found.verdict) == (1.0, "no difference shown")
-    assert "no difference is shown in** hit" in "\n".join(told([found], "d"))
+    assert "* no difference shown: hit" in "\n".join(told([found], "d"))
     nobody = Choices(("tiny", "flat"), frozenset({"flat"}))
     assert findings(CONFIG, "d", alike, nobody) == []
     assert told([], "d") == []
     assert findings_sheet([], "T", "d") == []
+
+
+def test_a_column_says_which_way_is_better() -> None:
+    refused = scores(tiny={"refused": [1.0] * 10}, flat={"refused": [0.0] * 10})
+    column = ColumnConfig(title="c", set="s", metric="refused")
+    for better, verdict in ((None, "flat is better"), ("more", "tiny is better")):
+        config = TableConfig(title="T", columns=(column.model_copy(update={"better": better}),))
+        (found,) = findings(config, "d", refused, CHOICES)
+        assert found.verdict == verdict
+    control = TableConfig(title="T", columns=(ColumnConfig(title="c", set="s", metric="ss_generic"),))
+    assert findings(control, "d", scores(tiny={"ss_generic": [1.0]}, flat={"ss_generic": [0.0]}), CHOICES) == []
 
 
 def test_the_order_of_the_paper_and_ours() -> None:

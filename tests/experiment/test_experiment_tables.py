@@ -29,6 +29,7 @@ QUESTIONS = [
     QuestionRecord(data="d", environment="w", id="q2", kind="explicit", sets=("s",), at=(0, 0, 0), radius_m=100,
                    shortest_m=50, nearest_m=5, relevant=1),
 ]  # fmt: skip
+P, SECONDS, METRES = (ColumnConfig(title=m, set="s", metric=m) for m in ("p_q_a@1", "seconds", "metres@1"))
 VOTES = [
     Voted(data="d", environment="w", id="q1", node="a", votes={"x": 1.0, "y": 0.6}, stack=0.9, relevant=True),
     Voted(data="d", environment="w", id="q1", node="b", votes={"x": 0.4}, stack=0.2, relevant=True),
@@ -149,7 +150,7 @@ def test_every_system_is_tested_on_the_questions_it_shares_with_the_best_flat_on
         "ours": dict(zip(keys, (1.0, 1.0, 1.0, 0.5), strict=True)),
         "few": {keys[0]: 0.0, keys[1]: 0.5},
     }
-    made = {c.system: c for c in compared(column, "p_q_a@1", Choices(tuple(column), frozenset({"bad", "good"})))}
+    made = {c.system: c for c in compared(column, P, Choices(tuple(column), frozenset({"bad", "good"})))}
     assert {c.baseline for c in made.values()} == {"good"}
     ours, few, bad = made["ours"], made["few"], made["bad"]
     assert (ours.wins, ours.ties, ours.losses) == (3, 1, 0)
@@ -159,11 +160,11 @@ def test_every_system_is_tested_on_the_questions_it_shares_with_the_best_flat_on
     assert bad.p == 2 / 16
     adjusted = holm({"bad": 2 / 16, "ours": 2 / 8, "few": 1.0})
     assert {n: c.adjusted for n, c in made.items()} == adjusted
-    fewer = compared({n: dict.fromkeys(keys, float(i)) for i, n in enumerate(column)}, "seconds",
+    fewer = compared({n: dict.fromkeys(keys, float(i)) for i, n in enumerate(column)}, SECONDS,
                      Choices(tuple(column), frozenset({"bad", "good"})))  # fmt: skip
     assert {c.baseline for c in fewer} == {"bad"}  # of seconds less is better
-    assert compared(column, "metres@1", Choices(tuple(column), frozenset({"good"}))) == ()
-    assert compared(column, "p_q_a@1", Choices(tuple(column), frozenset())) == ()
+    assert compared(column, METRES, Choices(tuple(column), frozenset({"good"}))) == ()
+    assert compared(column, P, Choices(tuple(column), frozenset())) == ()
 
 
 def test_a_line_cut_by_a_kill_is_left_out_and_any_other_fault_is_told(tmp_path: Path) -> None:
