@@ -53,9 +53,10 @@ class Memories(Trial):
     def environments(self) -> Mapping[str, Environment]:
         """The environments by name. Raises InputError for a data set that is not there."""
         config = self._config
-        root = rendered(self._worlds) if config.root is None and config.dataset == simulated.NAME else config.root
+        own = config.root is None and config.dataset == simulated.NAME
+        root = rendered(self._worlds) if own else config.root
         found = load_dataset(config.dataset, root, config.queries).environments
-        return {environment.name: environment for environment in found}
+        return {e.name: e for e in found if not own or e.name in self._worlds.names}
 
     @cached_property
     def items(self) -> Sequence[Any]:

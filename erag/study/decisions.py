@@ -155,6 +155,10 @@ def _chats(path: Path) -> Iterator[Decision | None]:
         if match is None:
             raise InputError(f"begins {asked[:40]!r}", where=where, allowed="Query: … Context: … Instruction: …")
         options = [_option(text) for text in _numbered(match[2])]
+        if not options:
+            raise InputError(
+                "no location", where=where, allowed="a list numbered from 1: ID, Name and Summary, or a name"
+            )
         yield _chosen(clean(match[1]), options, answer.strip())
 
 

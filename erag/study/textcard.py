@@ -22,7 +22,7 @@ def selector_card(config: AdapterDistil, report: Report) -> str:
 An `adapter` that plays `select` and `score`: {config.members} low-rank forms (rank {config.rank}) over frozen vectors
 of {embedder_name(config.embedder)}, with cosines and words in common. {report.bytes:,} bytes, 8-bit weights.
 
-Made by `erag distil --config configs/distil/{config.kind}.yaml` from {report.decisions:,} distinct decisions with a
+Made by `erag distil --config configs/distil/{config.out.stem}.yaml` from {report.decisions:,} distinct decisions with a
 choice: {report.questions} questions, {report.sets} sets of cards, {report.cards} cards
 ({config.training.epochs} epochs, seed {config.training.seed}).{_left_out(config)}
 

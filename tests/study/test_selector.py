@@ -20,7 +20,7 @@ from erag.lm.fake import FakeConfig
 from erag.lm.roles import SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import area, platt
-from erag.study.decisions import ChatDecisions, RecordedDecisions, read_decisions
+from erag.study.decisions import ChatDecisions, Part, RecordedDecisions, read_decisions
 from erag.study.pairs import folds
 from erag.study.selector import QUESTIONS, SETS, STRICT, STUDENT, Report, distil
 from erag.study.textconfig import AdapterDistil, TextTraining
@@ -171,6 +171,16 @@ def test_the_same_bytes_after_kill_9(taught: tuple[AdapterDistil, Report], chats
     assert config.out.read_bytes() == taught[0].out.read_bytes()
     figures = [json.loads((work / "figures.json").read_text())["agreement"] for work in (config.work, taught[0].work)]
     assert figures[0] == figures[1]
+
+
+def test_what_is_left_for_the_comparison_is_not_seen(chats: Path, store: ModelStore, tmp_path: Path) -> None:
+    part, short = Part(number=1, folds=3), TextTraining(epochs=1, batch_size=16, wandb=False)
+    config = _config(chats, tmp_path).model_copy(update={"without": part, "training": short, "folds": 2})
+    found = read_decisions(config.decisions)
+    held = [decision for decision in found if part.holds(decision)]
+    assert 0 < len(held) < len(found)
+    assert distil(config, store).decisions == len(found) - len(held)
+    assert "Part 1 of 3 by question was never seen" in config.out.with_suffix(".md").read_text()
 
 
 def test_recorded_decisions_are_read_from_a_memory(tmp_path: Path) -> None:

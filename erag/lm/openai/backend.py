@@ -17,7 +17,7 @@ from erag.lm.ledger import Ledger
 from erag.lm.openai.calling import Caller, used
 from erag.lm.openai.chat import ChatEngine
 from erag.lm.openai.config import OpenAIConfig, OpenAIRoles
-from erag.lm.openai.spending import Tokens
+from erag.lm.openai.spending import Tokens, guessed
 from erag.lm.openai.structured import Form
 from erag.lm.roles import (
     ROLES,
@@ -43,7 +43,6 @@ CAPTION_SCHEMA = {
     "required": ["description", "objects"],
 }  # fmt: skip
 _QUALITY = 85  # of the JPEG that is sent
-_BYTES_A_TOKEN = 2
 
 
 class OpenAI:
@@ -134,7 +133,7 @@ class OpenAI:
             request["dimensions"] = self._config.dimensions
         if self._config.input_type:
             request["input_type"] = kind
-        guess = Tokens(sum(len(text.encode("utf-8", "replace")) // _BYTES_A_TOKEN + 2 for text in texts))
+        guess = Tokens(guessed(texts))
         answer = self._caller.call("/embeddings", request, guess)
         return _rows(answer.get("data"), len(texts), self._config), used(answer, guess)
 
@@ -144,15 +143,14 @@ class OpenAI:
 
 
 def _rows(data: Any, n: int, config: OpenAIConfig) -> Vectors:
-    """(n, d) unit rows in the order of their indices."""
+    """(n, d) unit rows in the order of their indices. Raises BadModelOutput for any that is missing, or is none."""
     try:
         by_index = {int(item["index"]): item["embedding"] for item in data}
         rows = np.array([by_index[i] for i in range(n)], np.float32)
-        whole = rows.ndim == 2 and len(by_index) == len(data) == n and bool(np.isfinite(rows).all())
     except (TypeError, KeyError, ValueError):
-        whole = False
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True) if whole else np.zeros(1)
-    if not (lengths > 0).all():
+        by_index, rows = {}, np.empty(0, np.float32)
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True) if rows.ndim == 2 else np.zeros(1)
+    if len(by_index) != n or len(data) != n or not (np.isfinite(lengths) & (lengths > 0)).all():
         raise BadModelOutput(f"no vectors for {n} texts", where=config.model, allowed="a finite one a text, not zero")
     unit: Vectors = (rows / lengths).astype(np.float32)
     return unit

@@ -12,14 +12,13 @@ from erag.core.errors import BadModelOutput, InputError
 from erag.lm.chat import CHAT_ROLES
 from erag.lm.openai.calling import Answer, Caller, used
 from erag.lm.openai.config import OpenAIConfig
-from erag.lm.openai.spending import Tokens
+from erag.lm.openai.spending import Tokens, guessed
 from erag.lm.openai.structured import Form
 from erag.lm.roles import Generation, Prompt, RoleName
 from erag.lm.textmodel import Continuation, Likelihood
 
 TOP = 20  # log-probabilities of the first token that are asked for
 _WRAP = 8  # tokens that the wrapping of a schema takes
-_BYTES_A_TOKEN = 2  # of UTF-8; fewer are rare, so that a guess is seldom too low
 Messages = list[dict[str, Any]]
 
 
@@ -126,7 +125,7 @@ class ChatEngine:
             return []
         asked = [{"messages": _messages(one.messages), "text": one.text} for one in continuations]
         request = {"model": self._config.model, "continuations": asked}
-        answer = self._caller.call("/likelihoods", request, Tokens(len(json.dumps(asked)) // _BYTES_A_TOKEN))
+        answer = self._caller.call("/likelihoods", request, Tokens(guessed([json.dumps(asked, ensure_ascii=False)])))
         try:
             rows = answer["data"]
             found = [Likelihood(float(r["logprob"]), int(r["tokens"]), int(r["prompt_tokens"])) for r in rows]
@@ -144,8 +143,7 @@ class ChatEngine:
             parts = message["content"] if isinstance(message["content"], list) else [{"text": message["content"]}]
             texts += [part["text"] for part in parts if "text" in part]
             images += sum("text" not in part for part in parts)
-        written = sum(len(text.encode("utf-8", "replace")) // _BYTES_A_TOKEN + 8 for text in texts)
-        return written + images * self._config.image_tokens
+        return guessed(texts) + images * self._config.image_tokens
 
 
 def _message(role: str, content: str) -> dict[str, Any]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hmac
 import json
 import os
+import socket
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -132,17 +134,13 @@ class _Listener(ThreadingHTTPServer):
     allow_reuse_address = True
 
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
-        import socket
-
         self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
         self._places = threading.BoundedSemaphore(_CONNECTIONS)
         super().__init__(address, handler)
 
     def server_bind(self) -> None:
         """As the base's, without looking up the name of this machine."""
-        import socketserver
-
-        socketserver.TCPServer.server_bind(self)
+        TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
     def process_request(self, request: Any, client_address: Any) -> None:

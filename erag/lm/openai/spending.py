@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from erag.core.errors import ModelError
@@ -14,6 +14,7 @@ from erag.lm.openai.config import OpenAIConfig, Price
 Clock = Callable[[], float]
 Sleep = Callable[[float], None]
 _FREE = Price(input=0)
+_BYTES_A_TOKEN, _FRAME = 2, 8  # of UTF-8; tokens around a text
 
 
 class BudgetSpent(ModelError):
@@ -26,6 +27,11 @@ class Tokens:
 
     read: int = 0
     wrote: int = 0
+
+
+def guessed(texts: Iterable[str]) -> int:
+    """Tokens that texts may be read as, each with its frame; so many that a guess is seldom too low."""
+    return sum(len(text.encode("utf-8", "replace")) // _BYTES_A_TOKEN + _FRAME for text in texts)
 
 
 class Spending:
