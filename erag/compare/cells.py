@@ -17,9 +17,9 @@ from erag.bench.memory import peak_mb
 from erag.compare.config import ROLE_OF, BackendSpec, CompareConfig, MemoriesTrial
 from erag.compare.cosine import Cosine
 from erag.compare.sizes import model_mb
+from erag.compare.systems import Built, System
 from erag.compare.trial import Asked, RoleTrial, Taken
 from erag.compare.trials import memories_of, role_trial_of
-from erag.compare.whole import Built, System
 from erag.core.errors import EragError, ModelError
 from erag.core.output import replacing
 from erag.core.text import content_hash

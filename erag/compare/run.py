@@ -11,7 +11,7 @@ from erag.compare.cells import Cell, Job, measured
 from erag.compare.config import CompareConfig, MemoriesTrial
 from erag.compare.page import page
 from erag.compare.rows import Kind, Row, write_csv
-from erag.compare.trial import Judgement, Outputs, Trial
+from erag.compare.trial import LABELS, Judgement, Outputs, Trial
 from erag.compare.trials import trial_of
 from erag.core.errors import EragError
 from erag.core.output import replacing
@@ -82,6 +82,8 @@ class _Asking:
         spoken = self.trial.cloud()
         if spoken is not None:
             yield self._row(f"{self.trial.against} (recorded)", "cloud", spoken)
+        elif self.trial.against == LABELS:
+            yield self._row("cloud", "cloud", None, note="no record exists: against labels")
         chosen = self.config.trials[self.name]
         if isinstance(chosen, MemoriesTrial):
             yield from self._systems(chosen)

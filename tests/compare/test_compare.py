@@ -68,13 +68,17 @@ def row(rows: Sequence[Row], trial: str, backend: str) -> Row:
 def test_every_backend_and_control_has_a_row(compared: tuple[CompareConfig, list[Row]]) -> None:
     _, rows = compared
     assert [(r.trial, r.backend, r.kind) for r in rows] == [
-        ("search", "fake", "local"), ("search", "wide", "local"), ("search", "any, by chance", "control"),
-        ("relevance", "fake", "local"), ("relevance", "cosine", "local"),
+        ("search", "cloud", "cloud"), ("search", "fake", "local"), ("search", "wide", "local"),
+        ("search", "any, by chance", "control"),
+        ("relevance", "cloud", "cloud"), ("relevance", "fake", "local"), ("relevance", "cosine", "local"),
         ("relevance", "longer texts first", "control"),
-        ("answers", "fake", "local"), ("answers", "the counts alone, by code", "control"),
-        ("answers", "a generic sentence", "control"),
+        ("answers", "cloud", "cloud"), ("answers", "fake", "local"),
+        ("answers", "the counts alone, by code", "control"), ("answers", "a generic sentence", "control"),
     ]  # fmt: skip
     for one in rows:
+        if one.kind == "cloud":
+            assert (one.judgement, one.note) == (None, "no record exists: against labels")
+            continue
         assert one.judgement is not None
         assert one.against == "labels"
         assert one.judgement.loss.mean == pytest.approx(1 - one.judgement.figure.mean)
@@ -137,8 +141,8 @@ def test_what_cannot_be_measured_says_why(tmp_path: Path) -> None:
     trials = {"gone": gone, "search": {"kind": "search", "count": 3, "backends": ["cosine", "fake"]}}
     said: list[str] = []
     rows = compare(config(tmp_path / "out", **trials), default_store(), said.append)
-    assert [(r.trial, r.kind, r.judgement is None) for r in rows][:3] == [
-        ("gone", "none", True), ("search", "local", True), ("search", "local", False),
+    assert [(r.trial, r.kind, r.judgement is None) for r in rows][:4] == [
+        ("gone", "none", True), ("search", "cloud", True), ("search", "local", True), ("search", "local", False),
     ]  # fmt: skip
     assert "cannot play this role" in row(rows, "search", "cosine").note
     assert "not measured" in said[0]

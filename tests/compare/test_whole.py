@@ -8,8 +8,10 @@ import pytest
 
 from erag.compare.config import CompareConfig, MemoriesTrial, WorldsConfig
 from erag.compare.run import compare
-from erag.compare.whole import Memories, System
+from erag.compare.systems import System
+from erag.compare.whole import Memories
 from erag.evaluate.datasets.catalogue import load_dataset
+from erag.lm.fake import Fake
 from erag.lm.weights import default_store
 from erag.pipeline.config import validate
 
@@ -56,8 +58,10 @@ def test_systems_are_held_against_what_the_cloud_said(tmp_path: Path) -> None:
 
 def test_without_a_cloud_the_loss_is_against_labels_and_the_truth_is_no_candidate(tmp_path: Path) -> None:
     rows = compare(config(tmp_path, reference="vectors"), default_store(), lambda text: None)
-    assert [(r.kind, r.against) for r in rows] == [("truth", "labels"), ("local", "labels"), ("control", "labels")]
-    for row in rows:
+    assert [r.kind for r in rows] == ["cloud", "truth", "local", "control"]
+    assert rows[0].note == "no record exists: against labels"
+    for row in rows[1:]:
+        assert row.against == "labels"
         assert row.judgement is not None
         assert row.judgement.loss.mean == pytest.approx(1 - row.judgement.figure.mean)
     deployed = (tmp_path / "report.md").read_text().split("## What to deploy")[1].split("##")[0]
@@ -70,8 +74,8 @@ def test_a_system_that_cannot_answer_says_why(tmp_path: Path) -> None:
     made = config(tmp_path).model_copy(update={"systems": validate(CompareConfig, {
         "systems": raw, "trials": {"whole": TRIAL}}, "test").systems})  # fmt: skip
     rows = compare(made, default_store(), lambda text: None)
-    assert rows[0].judgement is None
-    assert "'score'" in rows[0].note
+    assert rows[1].judgement is None
+    assert "'score'" in rows[1].note
 
 
 def test_a_killed_build_is_begun_anew(tmp_path: Path) -> None:
@@ -85,7 +89,10 @@ def test_a_killed_build_is_begun_anew(tmp_path: Path) -> None:
     system.build(environment)
     assert system.missing() == []
     assert system.built().seconds > 0
-    assert len(system.ask(list(trial.items)).outputs) == 8
+    taken = system.ask(list(trial.items))
+    assert len(taken.outputs) == 8
+    unanswered = trial.judge([None, *taken.outputs[1:]], Fake())
+    assert unanswered.values[0] == 0
 
 
 @pytest.mark.shared
