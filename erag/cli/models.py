@@ -1,4 +1,4 @@
-"""`erag models`: list, pull, import, verify and remove model files."""
+"""`erag models`: list, pull, import, merge, verify and remove model files."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from erag.core.errors import ConfigError, InputError
 if TYPE_CHECKING:
     import rich.progress
 
+    from erag.lm.llamacpp.config import Format
     from erag.lm.weights.fetch import Pulled
     from erag.lm.weights.progress import Progress
     from erag.lm.weights.store import ModelStore
 
-app = typer.Typer(no_args_is_help=True, help="Model files: list, pull, import, verify, remove.")
+app = typer.Typer(no_args_is_help=True, help="Model files: list, pull, import, merge, verify, remove.")
 
 
 class Preset(enum.StrEnum):
@@ -136,6 +137,42 @@ def import_model(
         _print_json({"id": taken.id, "path": str(taken.path), "how": taken.how})
     else:
         typer.echo(f"{taken.id}: {'already ' if taken.how == 'present' else ''}{taken.how}, verified, {taken.path}")
+
+
+class Form(enum.StrEnum):
+    """The GGUF formats of a merged model."""
+
+    F16 = "f16"
+    Q8_0 = "q8_0"
+    Q6_K = "q6_k"
+    Q5_K_M = "q5_k_m"
+    Q4_K_M = "q4_k_m"
+    Q4_0 = "q4_0"
+    Q3_K_M = "q3_k_m"
+    Q2_K = "q2_k"
+
+
+@app.command()
+def merge(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="where files and manifests are written")],
+    adapter: Annotated[
+        Path | None,
+        typer.Argument(metavar="ADAPTER", help="Of `erag distil`; else the one that comes with the project."),
+    ] = None,
+    form: Annotated[list[Form] | None, typer.Option(help="GGUF formats; all but f16 need llama.cpp.")] = None,
+    files: Files = None,
+) -> None:
+    """Add an adapter to its model and write the result as GGUF, with manifests by which `import` takes it in."""
+    from erag.core.cores import cores
+    from erag.lm.checkpoints import shipped
+    from erag.lm.lora import SHIPPED
+    from erag.lm.merging import WHOLE, merged
+
+    forms: list[Format] = [one.value for one in form or ()] or [WHOLE]
+    made = merged(adapter or shipped(SHIPPED), forms, _store(files), out, threads=cores())
+    for manifest in made.values():
+        path = out / "files" / manifest.id / manifest.files[0].path
+        typer.echo(f"{manifest.id}: {_size(manifest.bytes)}, {path}, {out / 'manifests' / manifest.id}.yaml")
 
 
 @app.command()

@@ -38,7 +38,7 @@ class Expander:
     def things(self, texts: Sequence[str]) -> list[tuple[str, ...]]:
         """What would satisfy each text. Raises BadModelOutput where the model names nothing."""
         new = [text for text in dict.fromkeys(texts) if text not in self._known]
-        answers = self._backend.generate([self._prompt(text) for text in new]) if new else []
+        answers = self._backend.generate([asking(text, self._config.things) for text in new]) if new else []
         self._known.update({text: _read(answer.text) for text, answer in zip(new, answers, strict=True)})
         return [self._known[text] for text in texts]
 
@@ -53,12 +53,18 @@ class Expander:
         each = tuple(Batch(things, np.stack([vectors[thing] for thing in things])) for things in named)
         return replace(batch, named=each), named
 
-    def _prompt(self, text: str) -> Prompt:
-        turns = [("system", INSTRUCTION)]
-        for asked, things in EXAMPLES:
-            turns += [("user", asked), ("assistant", json.dumps({"things": things}, ensure_ascii=False))]
-        schema = _schema(self._config.things)
-        return Prompt((*turns, ("user", quoted(text, QUERY_CHARS))), schema, max_tokens=16 * self._config.things + 16)
+
+def asking(text: str, things: int) -> Prompt:
+    """The prompt that asks for at most so many things that would satisfy a text."""
+    turns = [("system", INSTRUCTION)]
+    for asked, named in EXAMPLES:
+        turns += [("user", asked), ("assistant", answered(named))]
+    return Prompt((*turns, ("user", quoted(text, QUERY_CHARS))), _schema(things), max_tokens=16 * things + 16)
+
+
+def answered(things: Sequence[str]) -> str:
+    """The answer that names `things`."""
+    return json.dumps({"things": things}, ensure_ascii=False)
 
 
 def _schema(things: int, chars: int = THING_CHARS) -> Mapping[str, Any]:

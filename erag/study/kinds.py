@@ -11,11 +11,12 @@ from pydantic import ConfigDict, Field, RootModel
 from erag.core.progress import Progress, quiet
 from erag.lm.weights import ModelStore
 from erag.study.config import DistilConfig
+from erag.study.loraconfig import LoraDistil
 from erag.study.quantconfig import EncoderStudy, GgufStudy, VectorStudy
 from erag.study.shown import Shown
 from erag.study.textconfig import AdapterDistil, UnderstandingDistil
 
-Distil = DistilConfig | AdapterDistil | UnderstandingDistil
+Distil = DistilConfig | AdapterDistil | UnderstandingDistil | LoraDistil
 Quantise = GgufStudy | VectorStudy | EncoderStudy
 
 
@@ -55,6 +56,10 @@ def run(config: Distil, store: ModelStore, progress: Progress = quiet) -> Report
             from erag.study.understanding import distil as understanding
 
             return understanding(config, store, progress)
+        case LoraDistil():
+            from erag.study.lora import distil as lora
+
+            return lora(config, store, progress)
 
 
 def quantise(config: Quantise, store: ModelStore, progress: Progress = quiet) -> Shown:

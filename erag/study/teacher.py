@@ -41,7 +41,7 @@ def taught(
     for start in range(0, len(missing), _BLOCK):
         progress("teacher", start, len(missing))
         block = missing[start : start + _BLOCK]
-        named = _asked(expander, [wish for _, wish in block])
+        named = named_by(expander, [wish for _, wish in block])
         fresh = {wish: Taught(need, wish, found) for (need, wish), found in zip(block, named, strict=True)}
         _append(path, stamp, list(fresh.values()))
         known |= fresh
@@ -49,14 +49,14 @@ def taught(
     return [Taught(need, wish, known[wish].things) for need, wish in wishes]
 
 
-def _asked(expander: Expander, wishes: Sequence[str]) -> list[tuple[str, ...]]:
+def named_by(expander: Expander, wishes: Sequence[str]) -> list[tuple[str, ...]]:
     """The things of each wish; where one of a block fails, each is asked alone."""
     try:
         return expander.things(wishes)
     except BadModelOutput:
         if len(wishes) == 1:
             return [()]
-        return [_asked(expander, [wish])[0] for wish in wishes]
+        return [named_by(expander, [wish])[0] for wish in wishes]
 
 
 def _append(path: Path, stamp: str, rows: Sequence[Taught]) -> None:

@@ -59,19 +59,16 @@ class AdapterDistil(_Config):
     resamples: int = Field(2000, ge=10, description="of the bootstrap over questions, or over sets of cards")
 
 
-class UnderstandingDistil(_Config):
-    """Query understanding without a language model, taught by one that names what would satisfy a wish.
+class Wishing(_Config):
+    """Wishes, what a teacher names for them, and how a student without a language model learns to name it.
 
     The wishes are `erag.study.wishes`, each need said in `ways` ways; what the teacher names is kept in `work`, so that
     it is asked once. Things named for fewer than `fewest` wishes are left out. A query is projected towards what was
     named for queries like it, by regression with the penalty `ridge`; the projection counts `blend` times as much as
-    the query itself, and `prior` × the logarithm of how often a thing was named is added. `folds` of needs are each
-    left out once.
+    the query itself, and `prior` × the logarithm of how often a thing was named is added.
     """
 
-    kind: Literal["understanding"]
     teacher: ModelConfig
-    taught_by: str = Field(max_length=500, description="the teacher, and what follows for the use of the weights")
     ways: int = Field(2, ge=1, le=11)
     things: int = Field(6, ge=1, le=12)
     fewest: int = Field(2, ge=1)
@@ -80,8 +77,15 @@ class UnderstandingDistil(_Config):
     ridge: float = Field(3.0, gt=0, allow_inf_nan=False)
     blend: float = Field(0.6, ge=0, allow_inf_nan=False)
     prior: float = Field(0.02, ge=0, allow_inf_nan=False)
-    folds: int = Field(5, ge=2, le=20)
     seed: int = 0
     work: Path = Path("experiments/distil/understanding")
+
+
+class UnderstandingDistil(Wishing):
+    """Query understanding without a language model; `folds` of needs are each left out once."""
+
+    kind: Literal["understanding"]
+    taught_by: str = Field(max_length=500, description="the teacher, and what follows for the use of the weights")
+    folds: int = Field(5, ge=2, le=20)
     out: Path = Path("checkpoints/understanding.safetensors")
     resamples: int = Field(2000, ge=10)

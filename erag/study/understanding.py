@@ -16,6 +16,7 @@ import numpy.typing as npt
 from erag.core.errors import InputError
 from erag.core.progress import Progress, quiet
 from erag.core.text import clean
+from erag.core.types import IntArray
 from erag.evaluate.statistics import Interval, clustered_bootstrap
 from erag.lm.adapter import Embed, embedder_of
 from erag.lm.checkpoints import save
@@ -28,7 +29,7 @@ from erag.study.pairs import folds
 from erag.study.shown import Shown
 from erag.study.teacher import Taught, taught
 from erag.study.textcard import understanding_card
-from erag.study.textconfig import UnderstandingDistil
+from erag.study.textconfig import UnderstandingDistil, Wishing
 from erag.study.vectors import KeptVectors
 from erag.study.wishes import wishes
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 STUDENT = "this student"
 FOUND, NEAR = "teacher's things named", "cosine to the teacher's answer"
-_NAMED = 5  # things a student names when it is judged
+NAMED = 5  # things a student names when it is judged
 _UNNAMED = 0.5  # added to how often a thing was named
 _NO_THINGS = frozenset(
     {"hello", "hello world", "hi", "hi there", "no", "ok", "okay", "sorry", "thanks", "world", "yes"}
@@ -55,7 +56,11 @@ class Lessons:
     wish_vectors: Vectors
     thing_vectors: Vectors
 
-    def learnt(self, config: UnderstandingDistil, rows: Sequence[int]) -> Names:
+    def taught(self) -> list[tuple[str, ...]]:
+        """(w,) the things that the teacher named for each wish, as many as a student may name."""
+        return [tuple(self.things[i] for i in named[:NAMED]) for named in self.named]
+
+    def learnt(self, config: Wishing, rows: Sequence[int]) -> Names:
         """What is known after the wishes `rows`, by ridge regression towards the centroids of what was named."""
         picked = list(rows)
         queries, shares = self.wish_vectors[picked].astype(np.float64), self._shares(picked)
@@ -104,14 +109,12 @@ def distil(config: UnderstandingDistil, store: ModelStore, progress: Progress = 
     """
     go_offline()
     clock = [time.perf_counter()]
-    teacher = build_backend(BackendConfig(models={"teacher": config.teacher}, roles={"generate": "teacher"}), store)
-    said = wishes(config.ways, config.seed)[: config.limit]
-    rows = taught(teacher, said, config.work / "teacher.jsonl", config.things, progress)
+    rows = named_by_teacher(config, store, progress)
     clock.append(time.perf_counter())
     embedder = embedder_of(config.embedder, store)
     embed = KeptVectors(embedder, config.work / "vectors")
     lessons = read_lessons(rows, config.fewest, embed)
-    names = _left_out(config, lessons)
+    names = left_out(config, lessons, folds(lessons.needs, config.folds, config.seed))
     clock.append(time.perf_counter())
     learnt = lessons.learnt(config, range(len(lessons.wishes)))
     header = UnderstandingHeader(
@@ -128,6 +131,13 @@ def distil(config: UnderstandingDistil, store: ModelStore, progress: Progress = 
     config.out.with_suffix(".md").write_text(understanding_card(config, report), encoding="utf-8")
     (config.work / "figures.json").write_text(json.dumps(asdict(report), indent=1, default=str), encoding="utf-8")
     return report
+
+
+def named_by_teacher(config: Wishing, store: ModelStore, progress: Progress) -> list[Taught]:
+    """What the teacher names for each wish; what it has named before is not asked again."""
+    teacher = build_backend(BackendConfig(models={"teacher": config.teacher}, roles={"generate": "teacher"}), store)
+    said = wishes(config.ways, config.seed)[: config.limit]
+    return taught(teacher, said, config.work / "teacher.jsonl", config.things, progress)
 
 
 def read_lessons(rows: Sequence[Taught], fewest: int, embed: Embed) -> Lessons:
@@ -147,20 +157,19 @@ def read_lessons(rows: Sequence[Taught], fewest: int, embed: Embed) -> Lessons:
     )  # fmt: skip
 
 
-def _left_out(config: UnderstandingDistil, lessons: Lessons) -> dict[str, list[tuple[str, ...]]]:
-    """What each way of naming names for every wish, having seen nothing of its need."""
-    fold = folds(lessons.needs, config.folds, config.seed)
+def left_out(config: Wishing, lessons: Lessons, fold: IntArray) -> dict[str, list[tuple[str, ...]]]:
+    """What each way of naming names for every wish, having seen nothing of its fold (w,), and so of its need."""
     names: dict[str, list[tuple[str, ...]]] = {
         way: [()] * len(lessons.wishes) for way in ("nearest things", "projection alone", STUDENT)
     }
-    for number in range(config.folds):
+    for number in np.unique(fold):
         out = np.flatnonzero(fold == number)
         learnt = lessons.learnt(config, np.flatnonzero(fold != number).tolist())
         queries = lessons.wish_vectors[out]
         scores = (queries @ learnt.things.T, queries @ learnt.projection @ learnt.things.T, learnt.scores(queries))
         for way, own in zip(names, scores, strict=True):
             for row, score in zip(out.tolist(), np.asarray(own), strict=True):
-                best = distinct(score, lessons.thing_vectors, _NAMED)
+                best = distinct(score, lessons.thing_vectors, NAMED)
                 names[way][row] = tuple(lessons.things[i] for i in best)
     return names
 
@@ -175,17 +184,22 @@ def _tensors(learnt: Names) -> dict[str, torch.Tensor]:
 def _figures(
     config: UnderstandingDistil, lessons: Lessons, names: Mapping[str, Sequence[tuple[str, ...]]], embed: Embed
 ) -> dict[str, dict[str, Interval]]:
-    teacher = [tuple(lessons.things[i] for i in named[:_NAMED]) for named in lessons.named]
-    truth = embed([", ".join(things) for things in teacher])
-    figures: dict[str, dict[str, Interval]] = {}
-    for way, own in {"the query itself": [(wish,) for wish in lessons.wishes], **names}.items():
-        found = [len(set(mine) & set(theirs)) / len(theirs) for mine, theirs in zip(own, teacher, strict=True)]
-        near = (embed([", ".join(things) for things in own]) * truth).sum(axis=1).tolist()
-        figures[way] = {
-            FOUND: clustered_bootstrap(found, lessons.needs, samples=config.resamples),
-            NEAR: clustered_bootstrap(near, lessons.needs, samples=config.resamples),
-        }
-    return figures
+    teacher = lessons.taught()
+    ways = {"the query itself": [(wish,) for wish in lessons.wishes], **names}
+    return {way: agreement(own, teacher, lessons.needs, embed, config.resamples) for way, own in ways.items()}
+
+
+def agreement(
+    names: Sequence[tuple[str, ...]], teacher: Sequence[tuple[str, ...]], needs: Sequence[str], embed: Embed,
+    resamples: int,
+) -> dict[str, Interval]:  # fmt: skip
+    """How far the names of things for each wish are those of its teacher; intervals are over needs."""
+    found = [len(set(mine) & set(theirs)) / len(theirs) for mine, theirs in zip(names, teacher, strict=True)]
+    near = (embed([", ".join(mine) for mine in names]) * embed([", ".join(theirs) for theirs in teacher])).sum(axis=1)
+    return {
+        FOUND: clustered_bootstrap(found, needs, samples=resamples),
+        NEAR: clustered_bootstrap(near.tolist(), needs, samples=resamples),
+    }
 
 
 def _examples(lessons: Lessons, names: Sequence[tuple[str, ...]]) -> list[tuple[str, str, str]]:

@@ -24,7 +24,7 @@ from erag.pipeline.config import PipelineConfig
 from erag.pipeline.ingest import ingest
 from erag.pipeline.query import Asker
 from erag.retrieve.config import ExpandConfig
-from erag.retrieve.expand import Expander
+from erag.retrieve.expand import Expander, asking
 from erag.study import understanding as study
 from erag.study.teacher import taught
 from erag.study.textconfig import UnderstandingDistil
@@ -107,7 +107,7 @@ def test_other_prompts_go_to_the_other_model(done: tuple[UnderstandingDistil, Re
     model = {"kind": "understanding", "checkpoint": config.out, "embedder": {"kind": "fake", "dim": 96}}
     models = {"u": {**model, "otherwise": "f"}, "f": {"kind": "fake"}}
     backend = build_backend(BackendConfig.model_validate({"models": models, "roles": {"generate": "u"}}), store)
-    asked = Expander(backend, ExpandConfig())._prompt("Where can I get milk?")
+    asked = asking("Where can I get milk?", 5)
     other = Prompt((("user", "Write a poem."),))
     mixed = backend.generate([other, asked, other])
     assert mixed[0] == mixed[2] == Fake().generate([other])[0]

@@ -75,8 +75,7 @@ def quantise(
         replace_durably(partial, target)
     finally:
         partial.unlink(missing_ok=True)
-    said = manifest.model_dump(mode="json", exclude_defaults=True)
-    write_durably(known, f"# made by erag quantise\n{yaml.safe_dump(said, sort_keys=False, allow_unicode=True)}")
+    keep_manifest(folder, manifest, "erag quantise")
     return manifest
 
 
@@ -84,6 +83,13 @@ def discard(variant: str, folder: Path) -> None:
     """Delete a variant's file and its manifest."""
     shutil.rmtree(variants_store(folder).folder(variant))
     (folder / "manifests" / f"{variant}.yaml").unlink()
+
+
+def keep_manifest(folder: Path, manifest: Manifest, maker: str) -> None:
+    """Put a manifest into the store of a folder; `maker` is the command that made its files."""
+    said = manifest.model_dump(mode="json", exclude_defaults=True)
+    text = f"# made by {maker}\n{yaml.safe_dump(said, sort_keys=False, allow_unicode=True)}"
+    write_durably(folder / "manifests" / f"{manifest.id}.yaml", text)
 
 
 def _convert(source: Source, form: Format, target: Path, threads: int, seconds: float, command: Sequence[str]) -> None:

@@ -57,7 +57,7 @@ class Decoder:
         self._head_weight = self._embedding if shape.tied else tensors[HEAD].clone()
         self._head = linear(self._head_weight, None, wide(kernels))
         self._layers = [_layer(tensors, f"blk.{i}.", kernels, shape.biased) for i in range(shape.layers)]
-        self._turns = _turns(shape, rope_factors)
+        self._turns = rotations(shape, rope_factors)
         self.dtype, self._kernels = self._embedding.dtype, kernels
 
     def forward(self, tokens: torch.Tensor, cache: Cache, first: int = 0) -> torch.Tensor:
@@ -120,7 +120,7 @@ class Decoder:
         q, kv = self.shape.heads, self.shape.kv_heads
         keys, values = seen.pair
         heads = layer.qkv(self._normed(x, layer.before)).view(b, s, q + 2 * kv, self.shape.head)
-        turned = _rotated(heads[:, :, : q + kv], turns)
+        turned = rotated(heads[:, :, : q + kv], turns)
         keys[:, :, seen.past : seen.past + s] = turned[:, :, q:].transpose(1, 2)
         values[:, :, seen.past : seen.past + s] = heads[:, :, q + kv :].transpose(1, 2)
         mixed = look(turned[:, :, :q], keys, values, seen.trunk)
@@ -161,7 +161,7 @@ def _layer(tensors: Mapping[str, torch.Tensor], prefix: str, kernels: Kernels, b
     )
 
 
-def _turns(shape: Shape, factors: npt.NDArray[np.float32] | None) -> torch.Tensor:
+def rotations(shape: Shape, factors: npt.NDArray[np.float32] | None) -> torch.Tensor:
     """(context, hd/2) complex64 rotations e^(i·position·frequency)."""
     import torch
 
@@ -172,7 +172,7 @@ def _turns(shape: Shape, factors: npt.NDArray[np.float32] | None) -> torch.Tenso
     return torch.polar(torch.ones_like(angles), angles).to(torch.complex64)
 
 
-def _rotated(x: torch.Tensor, turns: torch.Tensor) -> torch.Tensor:
+def rotated(x: torch.Tensor, turns: torch.Tensor) -> torch.Tensor:
     """x (b, s, h, hd) with neighbouring pairs of each head turned, in float32."""
     import torch
 

@@ -177,3 +177,11 @@ def _paired(numbers: npt.NDArray[np.float32], head: int) -> npt.NDArray[np.float
     """Rows ordered for rotating halves, reordered for rotating pairs: (h·hd, …), row 2i from i and 2i+1 from hd/2+i."""
     rows = numbers.reshape(-1, 2, head // 2, prod(numbers.shape[1:]))  # (h, 2, hd/2, d)
     return rows.swapaxes(1, 2).reshape(numbers.shape)
+
+
+def as_in_file(numbers: npt.NDArray[np.float32], name: str, shape: Shape) -> npt.NDArray[np.float32]:
+    """A tensor of `dequantised`, its rows in the order that a file of this architecture has them."""
+    if shape.interleaved or not name.endswith(_ROTATED):
+        return numbers
+    rows = numbers.reshape(-1, shape.head // 2, 2, prod(numbers.shape[1:]))  # (h, hd/2, 2, d)
+    return rows.swapaxes(1, 2).reshape(numbers.shape)

@@ -1,0 +1,84 @@
+"""A GGUF model with an adapter merged in, as files with manifests by which a store accepts them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from erag.core.errors import ModelError
+from erag.lm.checkpoints import read_header
+from erag.lm.llamacpp.config import Format
+from erag.lm.llamacpp.quantise import Source, keep_manifest, quantise, source_of, variants_store
+from erag.lm.lora import HEADER, REPAIR, LoraHeader, add, read_factors
+from erag.lm.weights import Manifest, ModelStore
+from erag.lm.weights.digest import replace_durably, sha256_of
+from erag.lm.weights.fetch import need_space
+from erag.lm.weights.manifest import ModelFile
+
+WHOLE: Format = "f16"
+_MAKER = "erag models merge"
+
+
+def merged(
+    adapter: Path, forms: Sequence[Format], store: ModelStore, folder: Path, *, threads: int = 1
+) -> dict[Format, Manifest]:
+    """The model with the adapter in each form, in the store of `folder`; what is there already is left as it is.
+
+    The F16 file is written in any case, since the others are made of it (by llama.cpp, which they need). Raises
+    ModelError for an adapter of other weights, for a model that cannot be merged, and when the disk has no room.
+    """
+    source = merge(adapter, store, folder)
+    return {
+        form: source.manifest if form == WHOLE else quantise(source, form, folder, threads=threads) for form in forms
+    }
+
+
+def merge(adapter: Path, store: ModelStore, folder: Path) -> Source:
+    """The F16 file of the model with the adapter merged in, unless it is there already and made of the same two."""
+    header = read_header(adapter, HEADER, LoraHeader, REPAIR, called="adapter of a language model")
+    base = source_of(store, header.base)
+    if base.manifest.fingerprint != header.weights:
+        what = f"was trained on {header.base} with the sha256 {header.weights}"
+        raise ModelError(what, where=str(adapter), allowed=base.manifest.fingerprint, repair=REPAIR)
+    made, name = variants_store(folder), f"{header.base}-{header.taught}"
+    note = _note(base, header, adapter)
+    there = (folder / "manifests" / f"{name}.yaml").is_file() and made.state(name) in ("verified", "present")
+    if there and made.manifest(name).note == note:
+        return source_of(made, name)
+    target = made.folder(name) / f"{name}.{WHOLE}.gguf"  # the mark says that its weights are whole
+    need_space(made, 4 * base.path.stat().st_size)
+    partial = target.with_suffix(f".{os.getpid()}.partial")
+    partial.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        _write(base.path, adapter, header, partial)
+        file = ModelFile(path=target.name, sha256=sha256_of(partial), bytes=partial.stat().st_size)
+        replace_durably(partial, target)
+    finally:
+        partial.unlink(missing_ok=True)
+    title = f"{base.manifest.title.split(',')[0]} taught {header.taught}, F16"
+    update = {"id": name, "title": title, "note": note, "presets": (), "ram_mb": None, "files": (file,), "sources": ()}
+    keep_manifest(folder, base.manifest.model_copy(update=update), _MAKER)
+    return source_of(variants_store(folder), name)
+
+
+def _write(base: Path, adapter: Path, header: LoraHeader, target: Path) -> None:
+    from erag.lm.torchlm.container import open_container
+    from erag.lm.torchlm.export import write_gguf
+    from erag.lm.torchlm.shape import shape_of
+    from erag.lm.torchlm.weights import dequantised
+
+    source = open_container(base)
+    shape = shape_of(source)
+    factors = read_factors(adapter, header, shape)
+    tensors = dequantised(source, shape, "float32")
+    add(tensors, factors, shape.layers, header.alpha / header.rank)
+    write_gguf(source, shape, tensors, target)
+
+
+def _note(base: Source, header: LoraHeader, adapter: Path) -> str:
+    again = "" if base.whole else " The base was quantised before the adapter was trained on it."
+    return (
+        f"{header.base}, sha256 {base.manifest.fingerprint}, with the adapter of sha256 {sha256_of(adapter)} merged in."
+        f"{again} {header.taught_by}"
+    ).strip()
