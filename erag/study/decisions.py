@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -174,8 +175,8 @@ def _numbered(context: str) -> list[str]:
     for match in _CARD.finditer(context):
         if int(match[1]) == len(starts) + 1:
             starts.append(match.span())
-    ends = [start for start, _ in starts[1:]] + [len(context)]
-    return [context[begin:end] for (_, begin), end in zip(starts, ends, strict=True)]
+    bounds = [(0, 0), *starts, (len(context), len(context))]
+    return [context[begin:end] for (_, begin), (end, _) in pairwise(bounds)][1:]
 
 
 def _option(text: str) -> Mapping[str, str]:

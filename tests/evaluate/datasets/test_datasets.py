@@ -215,7 +215,7 @@ def test_one_module_makes_a_data_set(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     )
     monkeypatch.setattr(catalogue, "package", package)
     monkeypatch.setattr("erag.evaluate.datasets.__path__", package.__path__)
-    assert list(loaders()) == ["building99", "cmu_500", "mars", "sample", "simulated"]
+    assert list(loaders()) == ["building99", "cmu_500", "coex_1f", "mars", "sample", "simulated"]
     assert load_dataset("mars", tmp_path).environments[0].name == "crater"
 
 
