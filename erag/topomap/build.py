@@ -15,7 +15,7 @@ from erag.data.reading import GivenEdge
 from erag.topomap.bridges import bridges, components
 from erag.topomap.config import MapConfig
 from erag.topomap.edges import Candidates, Sequenced, merge, sequence_edges, stated_edges, traversable_nodes
-from erag.topomap.neighbours import Neighbours, auto_radius
+from erag.topomap.neighbours import Neighbours, auto_radius, nearest_foreign
 from erag.topomap.report import MapReport, describe
 
 
@@ -34,8 +34,9 @@ def build_map(
     walked = _sequence(frame, nodes, positions, stated, config)
     ways = [stated, Candidates.of(walked.index, EdgeKind.PATH, walked.metres)]
     near, radius = _radius_edges(frame, nodes, positions, ways, config)
-    joined = merge([*ways, near])
-    parts = [*ways, near]
+    met = _meeting_edges(frame, nodes, positions, merge([*ways, near]), config.meet)
+    parts = [*ways, near, met]
+    joined = merge(parts)
     bridging = config.bridge is True or (config.bridge == "auto" and not any(_traversable(w).any() for w in ways))
     if bridging:
         parts.append(_bridge_edges(frame, nodes, positions, joined, config.max_bridge))
@@ -48,6 +49,7 @@ def build_map(
         radius_m=radius,
         by_sequence=walked.index.shape[1],
         steps_too_long=walked.too_long,
+        meetings=met.index.shape[1],
         bridges_left_out=max(0, report.components - 1) if bridging else 0,
         issues=issues,
     )
@@ -105,14 +107,31 @@ def _passable_by_rule(nodes: Sequence[Observation]) -> IntArray:
     return np.flatnonzero(traversable_nodes(nodes, Edges.empty()))
 
 
+def _meeting_edges(
+    frame: Frame, nodes: Sequence[Observation], positions: Points, joined: Edges, meet: float | None
+) -> Candidates:
+    """An edge from each place to the nearest one of another component, where that is at most `meet` metres away."""
+    rows, label = _labelled(nodes, joined, _passable_by_rule(nodes))
+    found = nearest_foreign(frame, positions[rows], label, 0.0 if meet is None else meet)
+    start = np.flatnonzero((found.row >= 0) & (meet is not None))
+    pairs = np.sort(np.stack([start, found.row[start]]), axis=0)
+    index, first = np.unique(pairs, axis=1, return_index=True)
+    return Candidates.of(rows[index], EdgeKind.RADIUS, found.metres[start][first])
+
+
 def _bridge_edges(
     frame: Frame, nodes: Sequence[Observation], positions: Points, joined: Edges, max_bridge: float | None
 ) -> Candidates:
-    rows = np.flatnonzero(traversable_nodes(nodes, joined))
+    rows, label = _labelled(nodes, joined, np.flatnonzero(traversable_nodes(nodes, joined)))
+    index, metres = bridges(frame, positions[rows], label, max_bridge)
+    return Candidates.of(rows[index], EdgeKind.BRIDGE, metres)
+
+
+def _labelled(nodes: Sequence[Observation], joined: Edges, rows: IntArray) -> tuple[IntArray, IntArray]:
+    """The rows, and the component of each under the traversable edges, counted from 0 among these rows."""
     _, label = components(len(nodes), joined.index[:, joined.traversable])
     _, compact = np.unique(label[rows], return_inverse=True)
-    index, metres = bridges(frame, positions[rows], compact.astype(np.int64), max_bridge)
-    return Candidates.of(rows[index], EdgeKind.BRIDGE, metres)
+    return rows, compact.astype(np.int64)
 
 
 def _observed_from(frame: Frame, nodes: Sequence[Observation], positions: Points, joined: Edges) -> Candidates:

@@ -20,6 +20,9 @@ class MapConfig(BaseModel):
     `edge_radius` joins places at most so many metres apart; `auto` does so only around sources without traversable
     edges, with a radius of 1.5 times the 95th percentile of their nearest-neighbour distances; None never does.
 
+    `meet` joins recordings where they meet: a place and the nearest one of another component, at most so many metres
+    apart, since a robot that has been at both has been at one spot; None never does.
+
     `bridge` joins the components left over by the shortest edges that connect them (a Euclidean minimum spanning tree
     over components), leaving out those longer than `max_bridge` metres (None: no limit); `auto` does so only for maps
     without path edges and without any traversable edge stated by a source.
@@ -32,6 +35,7 @@ class MapConfig(BaseModel):
     path: Literal["given", "sequence", "auto"] = "auto"
     max_path_step: Metres = 100.0
     edge_radius: Metres | Literal["auto"] | None = "auto"
+    meet: Metres | None = 0.5
     bridge: Literal["auto"] | bool = "auto"
     max_bridge: Metres | None = 500.0
     observed_from: bool = True

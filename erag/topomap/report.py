@@ -22,7 +22,8 @@ class MapReport:
 
     `components`, the sizes of the `largest` of them and the `isolated` nodes are those of the traversable nodes and
     edges. What follows `unattached` is known only where the map was built: the radius used, the steps of a sequence
-    too long to become an edge, the components that `max_bridge` kept apart, and the issues with stated edges.
+    too long to become an edge, the edges where recordings meet (among those of `radius`), the components that
+    `max_bridge` kept apart, and the issues with stated edges.
     """
 
     nodes: int
@@ -41,6 +42,7 @@ class MapReport:
     radius_m: float | None = None
     by_sequence: int = 0
     steps_too_long: int = 0
+    meetings: int = 0
     bridges_left_out: int = 0
     issues: tuple[Issue, ...] = ()
 
@@ -58,6 +60,8 @@ class MapReport:
         )
         sizes = ", ".join(f"{size:,}" for size in self.largest)
         yield f"{_of(self.components, 'component')}, largest: {sizes or 'none'}; {_of(self.isolated, 'isolated node')}"
+        if self.meetings:
+            yield f"recordings meet at {_of(self.meetings, 'spot')}"
         if self.bridge:
             yield f"bridges: {self.bridge_total_m:,.1f} m in all, longest {self.bridge_longest_m:,.1f} m"
         if self.bridges_left_out:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import pairwise as steps
 from typing import Literal
 
 import networkx as nx
@@ -20,7 +21,7 @@ from erag.topomap.config import MapConfig
 from erag.topomap.report import MapReport, describe
 
 PATH, RADIUS, BRIDGE, OBSERVED = EdgeKind
-PLAIN = MapConfig(path="given", edge_radius=None, bridge=False, observed_from=False)
+PLAIN = MapConfig(path="given", edge_radius=None, meet=None, bridge=False, observed_from=False)
 POINTS = st.lists(st.tuples(*[st.integers(-8, 8)] * 3), min_size=1, max_size=12)
 
 
@@ -199,6 +200,30 @@ def test_objects_alone_are_joined_so_that_routes_exist() -> None:
     topomap, report = build_map(Frame.METRIC, nodes, [], MapConfig(edge_radius=1.5))
     assert edges(topomap) == {("o0", "o1"): (RADIUS, 1.0), ("o1", "o2"): (RADIUS, 1.0), ("o2", "o3"): (BRIDGE, 48.0)}
     assert (report.components, report.observed_from, report.unattached) == (1, 0, 0)
+
+
+def test_recordings_of_one_place_meet_where_both_have_been() -> None:
+    """Two drives along a street, half a metre apart for a while; a third past the other side of a wall."""
+    first = [node(f"a{i}", 10.0 * i, 0, 0, source="a") for i in range(4)]
+    second = [node(f"b{i}", 10.0 * i, 0.3 * i, 0, source="b") for i in range(4)]
+    third = [node(f"c{i}", 10.0 * i, -0.7, 0, source="c") for i in range(4)]
+    drives = (first, second, third)
+    given = [GivenEdge(x.id, y.id, EdgeKind.PATH) for drive in drives for x, y in steps(drive)]
+    nodes = [*first, *second, *third]
+    topomap, report = built(nodes, given, meet=0.5)
+    met = {pair: metres for pair, (kind, metres) in edges(topomap).items() if kind == RADIUS}
+    assert met == {("a0", "b0"): 0.0, ("a1", "b1"): pytest.approx(0.3)}
+    assert (report.meetings, report.components) == (2, 2)
+    assert "recordings meet at 2 spots" in report.lines()
+    assert built(nodes, given)[1].components == 3
+    standing = [node(f"x{i}", 1, 2, 0, source="x") for i in range(300)]  # a robot that stood still: no clique
+    assert built([*first, *standing], given[:3], meet=0.5)[1].radius <= 300
+
+
+def test_a_path_that_crosses_itself_gets_no_shortcut() -> None:
+    loop = places([(0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 0.2, 0)])
+    given = [GivenEdge(x.id, y.id, EdgeKind.PATH) for x, y in steps(loop)]
+    assert built(loop, given, meet=0.5)[1].radius == 0
 
 
 def test_automatic_bridges_are_only_for_maps_without_ways() -> None:
