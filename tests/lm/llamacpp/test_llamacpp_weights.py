@@ -224,3 +224,4 @@ def test_an_opening_that_is_put_back_gives_the_same_bits(gguf: ModelStore, cache
     warm = [kept.generate([prompt])[0] for prompt in asked for _ in range(2)][1::2]
     fresh = [LlamaCpp(config, gguf, cache=cache).generate([prompt])[0] for prompt in asked]
     assert warm == fresh
+    assert kept.generate(asked) == fresh  # in a context of more sequences, which reads the opening anew
