@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from erag.core.errors import ConfigError
+from erag.core.tracking import offline_settings
 from erag.experiment.config import ExperimentConfig
 from erag.experiment.predictions import read_predictions
 from erag.experiment.report import Folder
@@ -25,17 +26,8 @@ def track(config: ExperimentConfig, folder: Folder) -> Path:
         raise ConfigError("wandb is not installed", where="--wandb", repair="pip install 'erag[experiment]'")
     import wandb
 
-    settings = wandb.Settings(
-        mode="offline",
-        silent=True,
-        console="off",
-        disable_git=True,
-        save_code=False,
-        x_disable_stats=True,
-        x_disable_meta=True,
-    )
     run = wandb.init(
-        project=PROJECT, name=folder.path.name, dir=str(folder.path), settings=settings,
+        project=PROJECT, name=folder.path.name, dir=str(folder.path), settings=offline_settings(),
         config=config.model_dump(mode="json"), reinit="finish_previous",
     )  # fmt: skip
     try:

@@ -6,16 +6,19 @@ This module imports torch and Lightning; it is itself imported only where a stud
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import lightning
 import torch
+from lightning.pytorch.loggers import CSVLogger, Logger, WandbLogger
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from erag.core.errors import InputError
 from erag.core.progress import Progress
+from erag.core.tracking import offline_settings
 
 LAST = "last.ckpt"
 
@@ -127,13 +130,18 @@ def fit(
         enable_progress_bar=False, enable_model_summary=False, default_root_dir=folder, log_every_n_steps=1,
     )  # fmt: skip
     last = folder / LAST
-    trainer.fit(module, loader, ckpt_path=str(last) if last.is_file() else None, weights_only=True)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, of PyTorch's next version
+            trainer.fit(module, loader, ckpt_path=str(last) if last.is_file() else None, weights_only=True)
+    finally:
+        for run in [made.experiment for made in trainer.loggers if isinstance(made, WandbLogger)]:
+            run.finish()  # else the next training would be logged as a part of this one
 
 
-def _loggers(config: LoopConfig, folder: Path) -> list[Any]:
-    from lightning.pytorch.loggers import CSVLogger, WandbLogger
-
-    loggers: list[Any] = [CSVLogger(folder, name="csv", version="")]
+def _loggers(config: LoopConfig, folder: Path) -> list[Logger]:
+    loggers: list[Logger] = [CSVLogger(folder, name="csv", version="")]
     if config.wandb:
-        loggers.append(WandbLogger(project="erag-distil", save_dir=folder, offline=True))
+        settings = offline_settings()
+        loggers.append(WandbLogger(project="erag-distil", save_dir=folder, offline=True, settings=settings))
     return loggers

@@ -16,7 +16,8 @@ _KEPT = 8  # openings: each a few MB
 class Openings:
     """Memories of openings, the latest used, by their tokens and the number of sequences of the context.
 
-    llama.cpp puts a memory back only into a context of as many sequences as the one it comes from. An opening is always read on its own, so that what follows has the same bits whether it was read or put back.
+    llama.cpp puts a memory back only into a context of as many sequences as the one it comes from. An opening is always
+    read on its own, so that what follows has the same bits whether it was read or put back.
     """
 
     _states: OrderedDict[tuple[int, tuple[int, ...]], bytes] = field(default_factory=OrderedDict)
