@@ -75,7 +75,7 @@ layers: $(READY)
 	@$(BIN)/lint-imports --no-logo
 
 unit: $(READY)
-	@echo "== tests: pytest on two processes (about 3 minutes)"
+	@echo "== tests: pytest on two processes (about 6 minutes)"
 	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 clean:
