@@ -21,12 +21,13 @@ from erag.generate.memories import Recalled
 from erag.generate.overview import Overview
 from erag.generate.region import Regions
 from erag.generate.scope import Scope, Scopes
-from erag.generate.sufficiency import Sufficiency, names_what_it_wants
+from erag.generate.sufficiency import Sufficiency
 from erag.generate.telling import Told
 from erag.generate.views import View, Views
 from erag.lm.ledger import Ledger
 from erag.lm.roles import Vectors, Writer
 from erag.retrieve.corpus import Corpus
+from erag.retrieve.named import names_what_it_wants
 
 NOTHING = "Not in this memory."
 _AGAIN = 2  # views of a second try, where nothing is left of the first: fewer leave less to mix up
@@ -130,8 +131,8 @@ class Answerer:
         self, kind: QueryKind, text: str, vector: Vectors, eligible: Eligible, probability: float | None
     ) -> bool:
         if kind == "find" and probability is not None:
-            named = names_what_it_wants(text)
-            return probability < (self._config.least_named if named else self._config.least_probability)
+            by_name = names_what_it_wants(text) and not self._enough.mentioned(text, eligible)
+            return probability < (self._config.least_named if by_name else self._config.least_probability)
         least = self._config.least_evidence if kind == "find" else self._config.least_explained
         return least > 0 and self._enough.evidence(text, vector, eligible) < least
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +11,7 @@ from erag.core.text import word_set
 from erag.lm.roles import Vectors
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.lexical import tokens
+from erag.retrieve.named import named_thing
 
 WORDS_WEIGHT = 0.3
 # What a request says besides what it is about.
@@ -19,17 +19,6 @@ _ASKING = word_set("""
     find where take show me nearest closest place somewhere anywhere want would like look looking go get need have can
     could should may please there here bring guide way see
 """)
-
-_NAMES = re.compile(
-    r"\W*(?:please )?(?:find|show|take|guide|bring|lead|is there|are there|(?:i am |i'm )?looking for"
-    r"|(?:which|what) (?:spot|place)s? (?:has|have)|where (?:is|are|can i find|do i find) (?:the|a|an|some|any)\b)",
-    re.IGNORECASE,
-)
-
-
-def names_what_it_wants(text: str) -> bool:
-    """Whether a request has the form of those that name a thing ("Find a bench."), rather than tell a wish."""
-    return _NAMES.match(text) is not None
 
 
 class Sufficiency:
@@ -51,6 +40,10 @@ class Sufficiency:
         here = eligible[self._corpus.sentence_rows]
         spoken = float((self._corpus.sentence_vectors[here] @ vector).max()) if here.any() else 0.0
         return max(nodes, spoken, 0.0) + WORDS_WEIGHT * self._covered(text, rows)
+
+    def mentioned(self, text: str, eligible: npt.NDArray[np.bool_]) -> bool:
+        """Whether a request names a thing, and one of the nodes `eligible` (n,) mentions it by that very name."""
+        return bool(eligible[self._corpus.index.phrase_rows(named_thing(text))].any())
 
     def _covered(self, text: str, rows: npt.NDArray[np.int64]) -> float:
         asked = sorted({token for token in tokens(text) if token not in self._unasked})

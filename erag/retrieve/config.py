@@ -51,11 +51,13 @@ class FusionConfig(_Config):
 class RelevanceConfig(_Config):
     """The probability that a node answers, by a model over all evidence that was fitted on training worlds.
 
-    With `uses` a lexicon of what things are good for finds what serves a wish that names nothing.
+    With `uses` a lexicon of what things are good for finds what serves a wish that names nothing. With `literal` it
+    speaks, where a request names a thing by a name that the map mentions, only for nodes that mention it.
     """
 
     kind: Literal["relevance"] = "relevance"
     uses: bool = True
+    literal: bool = True
 
 
 FlatConfig = Annotated[

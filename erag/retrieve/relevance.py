@@ -15,8 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.lexical import LexicalIndex
+from erag.retrieve.named import named_thing
 from erag.retrieve.scoring import NOT_FOUND, Batch, Scores
-from erag.retrieve.uses import Lexicon, Uses
+from erag.retrieve.uses import NOTHING, Lexicon, Uses
 
 Floats = npt.NDArray[np.float64]
 SHIPPED = "relevance.yaml"
@@ -86,6 +87,19 @@ class EvidenceTable:
                 part.append(self._things(named))
         return [Evidence(np.hstack(part), names) for part in parts]
 
+    def by_name(self, text: str, evidence: Evidence) -> Evidence:
+        """The evidence for a request, without what things are good for at nodes that lack the name it gives.
+
+        As it is where the request names nothing, or by a name that no node has.
+        """
+        rows = self.index.phrase_rows(named_thing(text))
+        if not len(rows) or SERVES[0] not in evidence.names:
+            return evidence
+        kept, first = evidence.rows.copy(), evidence.names.index(SERVES[0])
+        others = np.setdiff1d(np.arange(self.index.count), rows)
+        kept[others, first : first + len(SERVES)] = NOTHING
+        return Evidence(kept, evidence.names)
+
     def _things(self, named: Batch) -> Floats:
         """(n, 14): the best and the mean evidence for the things that would satisfy a query."""
         each = np.stack(self._own(named))
@@ -103,10 +117,14 @@ class EvidenceTable:
 
 
 class RelevanceScorer:
-    """A flat retriever: the probability that a node answers the query."""
+    """A flat retriever: the probability that a node answers the query.
 
-    def __init__(self, table: EvidenceTable, models: Fitted) -> None:
-        self._table, self._models = table, models
+    With `literal`, a request that names a thing which the map mentions by that name is about what bears the name: what
+    things are good for then speaks only for nodes that mention it.
+    """
+
+    def __init__(self, table: EvidenceTable, models: Fitted, *, literal: bool = False) -> None:
+        self._table, self._models, self._literal = table, models, literal
 
     @property
     def index(self) -> LexicalIndex:
@@ -116,5 +134,8 @@ class RelevanceScorer:
     def scores(self, batch: Batch) -> Scores:
         """(q, n) in (0, 1); `NOT_FOUND` for nodes without text."""
         model = self._models.named if batch.named else self._models.plain
-        found = [model.probability(e.rows, e.names) for e in self._table.of(batch)]
+        evidence = self._table.of(batch)
+        if self._literal:
+            evidence = [self._table.by_name(text, e) for text, e in zip(batch.texts, evidence, strict=True)]
+        found = [model.probability(e.rows, e.names) for e in evidence]
         return np.where(self._table.searchable, np.stack(found), NOT_FOUND).astype(np.float32)

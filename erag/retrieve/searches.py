@@ -48,7 +48,7 @@ def leaf_scorer(corpus: Corpus, config: FlatConfig, backend: LMBackend | None = 
         return FusionScorer(parts, config.k)
     if isinstance(config, RelevanceConfig):
         lexicon = shipped_lexicon(backend) if config.uses and backend is not None else None
-        return RelevanceScorer(EvidenceTable(corpus, lexicon), fitted())
+        return RelevanceScorer(EvidenceTable(corpus, lexicon), fitted(), literal=config.literal)
     return SentenceScorer(corpus)
 
 

@@ -24,6 +24,7 @@ Floats = npt.NDArray[np.float64]
 SHIPPED, VECTORS = "uses.yaml", "uses.npz"  # the vectors: 8-bit, by MiniLM; scripts/embed_uses.py
 MAX_BYTES = 4 << 20
 BELOW = -3.0  # the standard score of a text that mentions no thing of the lexicon
+NOTHING = (BELOW, 0.0) * 3  # all that is said of such a text
 
 
 class Use(BaseModel):
@@ -148,7 +149,7 @@ class Uses:
 
         Both among the things that this map mentions; `BELOW` and 0 for a text that mentions none.
         """
-        out = np.tile(np.array([BELOW, 0.0] * 3), (self._count, 1))
+        out = np.tile(np.array(NOTHING), (self._count, 1))
         if not len(self._here):
             return out
         likeness = self._lexicon.likeness(vector)[self._here]

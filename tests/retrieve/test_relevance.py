@@ -22,7 +22,7 @@ from erag.retrieve.config import ExpandConfig, FusionConfig, RelevanceConfig, Re
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.engine import Retriever
 from erag.retrieve.lexical import LexicalIndex, tokens
-from erag.retrieve.relevance import NAMED, OWN, SERVES, EvidenceTable, Weights, fitted
+from erag.retrieve.relevance import NAMED, OWN, SERVES, EvidenceTable, RelevanceScorer, Weights, fitted
 from erag.retrieve.scoring import Batch
 from erag.retrieve.uses import BELOW, Lexicon, Use, Uses, lexicon_texts, read_uses, shipped_lexicon
 
@@ -177,3 +177,19 @@ def test_only_probabilities_are_told_as_such() -> None:
         assert 0 < found.probability < 1
     fused = Retriever(corpus, RetrieveConfig(retriever=FusionConfig()))
     assert fused.retrieve([Query("tree")], fake_backend().embed(["tree"], "query"))[0].probability is None
+
+
+def test_a_thing_asked_for_by_name_is_not_what_would_serve() -> None:
+    """The lexicon says that a railway crossing closes a path; where barriers are on the map, barriers are meant."""
+    corpus = fake_corpus("A railway crossing.", "Barriers beside a hedge.", "A hedge.")
+    wish, known = "Find barriers closing a path", lexicon(railway_crossing=use("Find barriers closing a path"))
+    known = Lexicon({"railway crossing": next(iter(known.uses.values()))}, known.vectors, known.owner, known.names)
+    batch = Batch((wish,), Fake().embed([wish], "query"))
+    table = EvidenceTable(corpus, known)
+    (free,) = RelevanceScorer(table, fitted()).scores(batch)
+    (literal,) = RelevanceScorer(table, fitted(), literal=True).scores(batch)
+    assert (free.argmax(), literal.argmax()) == (0, 1)
+    assert literal[1] == free[1]
+    without = EvidenceTable(fake_corpus("A railway crossing.", "A fence beside a hedge.", "A hedge."), known)
+    (unknown,) = RelevanceScorer(without, fitted(), literal=True).scores(batch)
+    assert unknown.argmax() == 0  # nothing here has that name: what would serve is all there is
