@@ -142,6 +142,8 @@ def fit(
 def _loggers(config: LoopConfig, folder: Path) -> list[Logger]:
     loggers: list[Logger] = [CSVLogger(folder, name="csv", version="")]
     if config.wandb:
-        settings = offline_settings()
-        loggers.append(WandbLogger(project="erag-distil", save_dir=folder, offline=True, settings=settings))
+        import wandb
+
+        run = wandb.init(project="erag-distil", dir=folder, settings=offline_settings())
+        loggers.append(WandbLogger(experiment=run, offline=True))
     return loggers
