@@ -7,9 +7,10 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from erag.lm import adapter, student_checkpoint, understanding
+from erag.lm import adapter, cross, student_checkpoint, understanding
 from erag.lm.adapter import AdapterConfig
 from erag.lm.checkpoints import shipped
+from erag.lm.cross import CrossEncoderConfig
 from erag.lm.llamacpp.backend import LlamaCpp
 from erag.lm.llamacpp.config import LlamaCppConfig
 from erag.lm.student import StudentConfig
@@ -18,7 +19,7 @@ from erag.lm.understanding import UnderstandingConfig
 from erag.lm.weights import ModelStore
 
 _SHIPPED: dict[type[BaseModel], str] = {
-    AdapterConfig: adapter.SHIPPED, StudentConfig: student_checkpoint.SHIPPED,
+    AdapterConfig: adapter.SHIPPED, CrossEncoderConfig: cross.SHIPPED, StudentConfig: student_checkpoint.SHIPPED,
     UnderstandingConfig: understanding.SHIPPED,
 }  # fmt: skip
 
@@ -39,6 +40,8 @@ def _files(model: BaseModel, store: ModelStore) -> Iterator[tuple[Path, int]]:
         yield from _sized(checkpoint)
         if isinstance(model, StudentConfig) and checkpoint.is_file():
             yield from _stored(read_words(checkpoint).backbone, store)
+        if isinstance(model, CrossEncoderConfig) and checkpoint.is_file():
+            yield from _stored(cross.header_of(checkpoint).base, store)
     for value in (getattr(model, name) for name in type(model).model_fields):
         if isinstance(value, str):
             yield from _stored(value, store)

@@ -92,6 +92,18 @@ def cards(texts: Sequence[str], embed: Embed) -> dict[str, Text]:
     }
 
 
+def best_first(tasks: Sequence[SelectTask], logits: Vectors, k: int) -> list[list[int]]:
+    """What is selected by the logits (p,) of the cards of all tasks, one after the other; equal ones by their text."""
+    ends = np.cumsum([len(task.cards) for task in tasks])[:-1]
+    found = zip(tasks, np.split(logits, ends) if tasks else (), strict=True)
+    return [sorted(range(len(task.cards)), key=lambda i: (-float(own[i]), task.cards[i], i))[:k] for task, own in found]
+
+
+def chances(logits: Vectors, slope: float, offset: float) -> Vectors:
+    """(p,) float32 in [0, 1]: the chances whose log-odds are slope × logit + offset."""
+    return (0.5 * (1 + np.tanh((slope * logits + offset) / 2))).astype(np.float32)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Form:
     """A text with what the network makes of it: a query's (members, rank), a card's numbers in one row."""
@@ -134,17 +146,13 @@ class Adapter:
         """For each task min(k, n) distinct indices of its cards, best first; equal ones by their text."""
         owners = [number for number, task in enumerate(tasks) for _ in task.cards]
         logits = self._logits([(task.query, card) for task in tasks for card in task.cards], owners)
-        ends = np.cumsum([len(task.cards) for task in tasks])[:-1]
-        found = zip(tasks, np.split(logits, ends) if tasks else (), strict=True)
-        return [
-            sorted(range(len(task.cards)), key=lambda i: (-float(own[i]), task.cards[i], i))[:k] for task, own in found
-        ]
+        return best_first(tasks, logits, k)
 
     def score(self, pairs: Sequence[tuple[str, str]]) -> Vectors:
         """(p,) float32 in [0, 1]: the chance that the teacher would call the card fitting, each pair on its own."""
         logits = self._logits(pairs)
         header, _ = self._load()
-        return (0.5 * (1 + np.tanh((header.slope * logits + header.offset) / 2))).astype(np.float32)
+        return chances(logits, header.slope, header.offset)
 
     def _logits(self, pairs: Sequence[Pair], owners: Sequence[int] | None = None) -> Vectors:
         """(p,) float32, the mean of the members; `owners` numbers the choice that each card is part of."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,24 +37,61 @@ def is_plain_bert(folder: Path) -> bool:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class BertShape:
+    """The sizes of a BERT: layers, heads, width, inner width, rows of its tables, and the term of its norms."""
+
+    layers: int
+    heads: int
+    dim: int
+    wide: int
+    words: int
+    positions: int
+    types: int
+    eps: float
+
+    @classmethod
+    def of(cls, folder: Path) -> BertShape:
+        """The shape that a folder's `config.json` states. Raises ModelError where it cannot be read."""
+        said = _json(folder / "config.json")
+        return cls(
+            layers=int(said["num_hidden_layers"]), heads=int(said["num_attention_heads"]), dim=int(said["hidden_size"]),
+            wide=int(said["intermediate_size"]), words=int(said["vocab_size"]),
+            positions=int(said["max_position_embeddings"]), types=int(said["type_vocab_size"]),
+            eps=float(said["layer_norm_eps"]),
+        )  # fmt: skip
+
+
+def bert_weights(folder: Path) -> dict[str, torch.Tensor]:
+    """The weights of a folder by the names that BERT gives them, in the precision of the file."""
+    from safetensors.torch import load_file
+
+    found = load_file(folder / "model.safetensors").items()
+    return {name.removeprefix("bert."): tensor for name, tensor in found if tensor.is_floating_point()}
+
+
+def tokenizer_of(folder: Path) -> Tokenizer:
+    """The tokenizer of a folder; it neither pads nor cuts."""
+    from tokenizers import Tokenizer
+
+    tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+    tokenizer.no_truncation()
+    tokenizer.no_padding()
+    return tokenizer
+
+
 class BertEncoder:
     """Texts to unit vectors: tokenise, encode, mean over tokens, normalise."""
 
     def __init__(self, folder: Path, dtype: torch.dtype) -> None:
-        from safetensors.torch import load_file
-
-        config = _json(folder / "config.json")
-        self._heads, self._layers = int(config["num_attention_heads"]), int(config["num_hidden_layers"])
-        self._eps = float(config["layer_norm_eps"])
-        weights = load_file(folder / "model.safetensors")
+        shape = BertShape.of(folder)
+        self._heads, self._layers, self._eps, self.dim = shape.heads, shape.layers, shape.eps, shape.dim
         self._weights: Mapping[str, torch.Tensor] = {
-            name.removeprefix("bert."): tensor.to(dtype)
-            for name, tensor in weights.items()
-            if tensor.is_floating_point()
+            name: tensor.to(dtype) for name, tensor in bert_weights(folder).items()
         }
         self.max_tokens = int(_json(folder / "sentence_bert_config.json")["max_seq_length"])
-        self._tokenizer = _tokenizer(folder, self.max_tokens)
-        self.dim = int(config["hidden_size"])
+        self._tokenizer = tokenizer_of(folder)
+        self._tokenizer.enable_truncation(self.max_tokens)
 
     def tokenise(self, texts: Sequence[str]) -> tuple[list[list[int]], int]:
         """Token ids of each text, cut to `max_tokens`, and how many texts were cut."""
@@ -114,15 +152,6 @@ class BertEncoder:
 
         w = self._weights
         return nnf.layer_norm(x, x.shape[-1:], w[f"{prefix}weight"], w[f"{prefix}bias"], self._eps)
-
-
-def _tokenizer(folder: Path, max_tokens: int) -> Tokenizer:
-    from tokenizers import Tokenizer
-
-    tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
-    tokenizer.enable_truncation(max_tokens)
-    tokenizer.no_padding()
-    return tokenizer
 
 
 def _json(path: Path) -> Any:

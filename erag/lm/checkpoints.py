@@ -70,11 +70,13 @@ def quantised(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
 
 
 def restored(small: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """The float32 state dict of a `quantised` one."""
+    """The float32 state dict of a `quantised` one. Raises KeyError or ValueError where its scales do not fit."""
     state = {name: tensor for name, tensor in small.items() if not name.endswith((".int8", ".scale"))}
     for name, tensor in small.items():
         if name.endswith(".int8"):
             scale = small[f"{name.removesuffix('.int8')}.scale"]
+            if scale.shape != tensor.shape[:1]:  # else a small file could ask for any amount of memory
+                raise ValueError(f"{name} {tuple(tensor.shape)} has a scale {tuple(scale.shape)}")
             state[name.removesuffix(".int8")] = tensor.float() * scale.view(-1, *[1] * (tensor.ndim - 1))
     return state
 
@@ -89,8 +91,11 @@ def save(path: Path, kind: str, header: BaseModel, state: Mapping[str, torch.Ten
     fresh.replace(path)
 
 
-def read_header(path: Path, kind: str, model: type[Header], repair: str, called: str = "") -> Header:
-    """The header of a checkpoint. Raises ModelError for a file that is missing, too large, or of another kind.
+def read_header(
+    path: Path, kind: str, model: type[Header], repair: str, called: str = "", most: int = MAX_BYTES
+) -> Header:
+    """The header of a checkpoint. Raises ModelError for a file that is missing, of more than `most` bytes, or of
+    another kind.
 
     `called` is what such a file is to a user, else a checkpoint of its kind.
     """
@@ -98,8 +103,8 @@ def read_header(path: Path, kind: str, model: type[Header], repair: str, called:
 
     if not path.is_file():
         raise ModelError("there is no such checkpoint", where=str(path), repair=repair)
-    if path.stat().st_size > MAX_BYTES:
-        raise ModelError("too large for a student", where=str(path), allowed=f"up to {MAX_BYTES} bytes")
+    if path.stat().st_size > most:
+        raise ModelError("too large for a student", where=str(path), allowed=f"up to {most} bytes")
     try:
         with safe_open(path, framework="pt") as file:
             found = file.metadata() or {}
@@ -139,5 +144,5 @@ def _state(path: Path, repair: str) -> dict[str, torch.Tensor]:
         return restored(load_file(path))
     except (SafetensorError, OSError) as error:
         raise ModelError(f"its weights cannot be read: {error}", where=str(path), repair=repair) from error
-    except KeyError as error:
+    except (KeyError, ValueError) as error:
         raise ModelError(f"its weights do not fit its header: {error}", where=str(path), repair=repair) from error

@@ -12,6 +12,7 @@ from erag.lm.adapter import Adapter, AdapterConfig
 from erag.lm.blip import Blip, BlipConfig
 from erag.lm.clip import Clip, ClipConfig
 from erag.lm.compose import compose
+from erag.lm.cross import CrossEncoder, CrossEncoderConfig
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
 from erag.lm.llamacpp.backend import LlamaCpp
@@ -50,6 +51,7 @@ ModelConfig = Annotated[
     | TorchLMRoles
     | CaptionerConfig
     | AdapterConfig
+    | CrossEncoderConfig
     | UnderstandingConfig
     | OpenAIRoles
     | ReplayConfig
@@ -61,6 +63,7 @@ WriterConfig = Annotated[LlamaCppRoles | TorchLMRoles | FakeConfig, Field(discri
 _LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Model]] = {
     SentenceConfig: SentenceEmbedder,
     AdapterConfig: Adapter,
+    CrossEncoderConfig: CrossEncoder,
     TaggerConfig: Tagger,
     StudentConfig: Student,
     ClipConfig: Clip,

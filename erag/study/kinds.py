@@ -14,9 +14,9 @@ from erag.study.config import DistilConfig
 from erag.study.loraconfig import LoraDistil
 from erag.study.quantconfig import EncoderStudy, GgufStudy, VectorStudy
 from erag.study.shown import Shown
-from erag.study.textconfig import AdapterDistil, UnderstandingDistil
+from erag.study.textconfig import AdapterDistil, CrossDistil, UnderstandingDistil
 
-Distil = DistilConfig | AdapterDistil | UnderstandingDistil | LoraDistil
+Distil = DistilConfig | AdapterDistil | CrossDistil | UnderstandingDistil | LoraDistil
 Quantise = GgufStudy | VectorStudy | EncoderStudy
 
 
@@ -52,6 +52,10 @@ def run(config: Distil, store: ModelStore, progress: Progress = quiet) -> Report
             from erag.study.selector import distil as selector
 
             return selector(config, store, progress)
+        case CrossDistil():
+            from erag.study.cross import distil as cross
+
+            return cross(config, store, progress)
         case UnderstandingDistil():
             from erag.study.understanding import distil as understanding
 

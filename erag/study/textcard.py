@@ -10,27 +10,47 @@ from erag.lm.fake import FakeConfig
 from erag.lm.sentence import SentenceConfig
 
 if TYPE_CHECKING:
-    from erag.study.selector import Report
-    from erag.study.textconfig import AdapterDistil, UnderstandingDistil
+    from erag.study.standing import Report
+    from erag.study.textconfig import AdapterDistil, ChoiceDistil, CrossDistil, TextTraining, UnderstandingDistil
     from erag.study.understanding import Report as UnderstandingReport
 
 
 def selector_card(config: AdapterDistil, report: Report) -> str:
     """The card of an adapter that selects and scores."""
+    forms = f"{config.members} low-rank forms (rank {config.rank})"
+    what = f"""An `adapter` that plays `select` and `score`: {forms} over frozen vectors
+of {embedder_name(config.embedder)}, with cosines and words in common. {report.bytes:,} bytes, 8-bit weights."""
+    return _chooser_card(config, what, "an adapter", config.training, report)
+
+
+def cross_card(config: CrossDistil, report: Report) -> str:
+    """The card of a cross-encoder that selects and scores."""
+    seen = "the mean of all tokens" if config.pooling == "mean" else "the first token"
+    what = f"""A `cross_encoder` that plays `select` and `score`: {config.base} reads query and card together,
+{config.max_tokens} tokens at most; its upper {config.layers} layers were taught, and one score of {seen}.
+{report.bytes:,} bytes: the taught weights in 8 bits, of which the figures are too; the rest is {config.base}'s own."""
+    if config.beside is not None:
+        what += f"""
+Beside it stands an adapter on vectors of {embedder_name(config.embedder)}, taught and judged on the same parts."""
+    return _chooser_card(config, what, "a student", config.training, report)
+
+
+def _chooser_card(
+    config: AdapterDistil | CrossDistil, what: str, student: str, training: TextTraining, report: Report
+) -> str:
     return f"""# {config.out.stem}
 
-An `adapter` that plays `select` and `score`: {config.members} low-rank forms (rank {config.rank}) over frozen vectors
-of {embedder_name(config.embedder)}, with cosines and words in common. {report.bytes:,} bytes, 8-bit weights.
+{what}
 
 Made by `erag distil --config configs/distil/{config.out.stem}.yaml` from {report.decisions:,} distinct decisions with a
 choice: {report.questions} questions, {report.sets} sets of cards, {report.cards} cards
-({config.training.epochs} epochs, seed {config.training.seed}).{_left_out(config)}
+({training.epochs} epochs, seed {training.seed}).{_left_out(config)}
 
 {config.taught_by}
 
 ## Agreement with the teacher
 
-Each decision was judged by an adapter that had seen nothing of its question, or of its set of cards
+Each decision was judged by {student} that had seen nothing of its question, or of its set of cards
 ({config.folds}-fold). 95 % intervals are over questions, or over sets of cards. Chance is {report.chance:.2f}.
 
 {_table("selector", report.agreement)}
@@ -50,7 +70,7 @@ habits in *this* building were learnt. Only the second one says what to expect i
 """
 
 
-def _left_out(config: AdapterDistil) -> str:
+def _left_out(config: ChoiceDistil) -> str:
     part = config.without
     if part is None:
         return ""

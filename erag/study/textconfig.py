@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from erag.lm.adapter import EmbedderConfig
 from erag.lm.config import ModelConfig
+from erag.lm.cross_header import Pooling
+from erag.lm.probe import DtypeWish
 from erag.lm.sentence import SentenceConfig
 from erag.study.decisions import DecisionSource, Part
 
@@ -30,33 +32,77 @@ class TextTraining(_Config):
     threads: int | None = Field(None, ge=1, le=1024)
 
 
-class AdapterDistil(_Config):
-    """An adapter on frozen embeddings, taught by decisions; it plays select and score.
+class CrossTraining(TextTraining):
+    """How a cross-encoder is trained; `batch_size` counts decisions."""
 
-    The loss of a decision is (1 - `relevance`) × the cross-entropy over its cards + `relevance` × the binary one of its
-    cards and of `negatives` cards of other decisions, each on its own: a selector needs the first, a scorer the second.
+    epochs: int = Field(5, ge=1, le=1000)
+    batch_size: int = Field(16, ge=2, le=4096)
+    rate: float = Field(2e-4, gt=0, le=1, description="highest learning rate; warm-up and cosine around it")
+    dropout: float = Field(0.1, ge=0, lt=1, description="of what the taught layers say")
+    dtype: DtypeWish = Field("auto", description="of products in training; what is taught stays float32")
+
+
+class ChoiceDistil(_Config):
+    """A student of select and score, taught by decisions.
+
     `folds` of questions, and of sets of cards, are each left out once; the figures are of what was left out. `compare`
     are models that select, judged on the same decisions. What is in the part `without` is not seen at all, so that
     `erag compare` can ask it.
     """
 
-    kind: Literal["selector", "scorer"]
     decisions: tuple[DecisionSource, ...] = Field(min_length=1)
     without: Part | None = None
     taught_by: str = Field(max_length=500, description="the teacher, and what follows for the use of the weights")
     embedder: EmbedderConfig = SentenceConfig(dtype="float32")
+    folds: int = Field(5, ge=2, le=20)
+    compare: dict[str, ModelConfig] = {}
+    resamples: int = Field(2000, ge=10, description="of the bootstrap over questions, or over sets of cards")
+
+
+class AdapterShape(_Config):
+    """How large an adapter is, and how it is trained.
+
+    The loss of a decision is (1 - `relevance`) × the cross-entropy over its cards + `relevance` × the binary one of its
+    cards and of `negatives` cards of other decisions, each on its own: a selector needs the first, a scorer the second.
+    """
+
     rank: int = Field(128, ge=1, le=1024)
     members: int = Field(4, ge=1, le=64)
     relevance: float = Field(0.2, ge=0, le=1)
     negatives: int = Field(8, ge=1, le=256)
     strange: float = Field(0.3, ge=0, lt=1, description="of decisions in training, taken as of cards never seen")
     trusted_from: float = Field(0.9, ge=0, lt=1, description="cosine to a seen card from which on a card is trusted")
-    folds: int = Field(5, ge=2, le=20)
-    compare: dict[str, ModelConfig] = {}
+    training: TextTraining = TextTraining()
+
+
+class AdapterDistil(AdapterShape, ChoiceDistil):
+    """An adapter on frozen embeddings of `embedder`."""
+
+    kind: Literal["selector", "scorer"]
     work: Path = Path("experiments/distil/selector")
     out: Path = Path("checkpoints/selector.safetensors")
-    training: TextTraining = TextTraining()
-    resamples: int = Field(2000, ge=10, description="of the bootstrap over questions, or over sets of cards")
+
+
+class CrossDistil(ChoiceDistil):
+    """A cross-encoder: the BERT `base` of the store reads query and card together, cut to `max_tokens`.
+
+    Its upper `layers` and one linear score are taught, what is below stays as it is. The loss of a decision is
+    (1 - `relevance`) × the cross-entropy over its cards + `relevance` × the binary one of its cards, each on its own.
+    `call` pairs of about equal length are computed together. The cosine is that of `embedder`; `beside` is an adapter
+    on the same vectors, trained and judged on the same parts of the decisions (null: none).
+    """
+
+    kind: Literal["cross_encoder"]
+    base: str = "minilm-l6"
+    layers: int = Field(3, ge=1, le=48)
+    pooling: Pooling = "mean"
+    max_tokens: int = Field(64, ge=8, le=512)
+    relevance: float = Field(0.2, ge=0, le=1)
+    call: int = Field(32, ge=1, le=4096)
+    beside: AdapterShape | None = AdapterShape()
+    work: Path = Path("experiments/distil/cross-encoder")
+    out: Path = Path("checkpoints/cross-encoder.safetensors")
+    training: CrossTraining = CrossTraining()
 
 
 class Wishing(_Config):

@@ -22,7 +22,8 @@ from erag.lm.weights import ModelStore
 from erag.study.calibration import area, platt
 from erag.study.decisions import ChatDecisions, Part, RecordedDecisions, read_decisions
 from erag.study.pairs import folds
-from erag.study.selector import QUESTIONS, SETS, STRICT, STUDENT, Report, distil
+from erag.study.selector import STUDENT, distil
+from erag.study.standing import QUESTIONS, SETS, STRICT, Report
 from erag.study.textconfig import AdapterDistil, TextTraining
 
 # What nobody can know without having been taught: a need is met by a thing that shares no word with it.
