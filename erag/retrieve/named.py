@@ -36,7 +36,7 @@ def named_thing(text: str) -> tuple[str, ...]:
     rest = words(text[asked.end() :]) if asked else []
     while rest and rest[0] in _BEFORE:
         rest = rest[1:]
-    said = []
+    said: list[str] = []
     for word, following in pairwise([*rest, ""]):
         if word in _AFTER or (said and word.endswith("ing") and following in _DETERMINERS | _AFTER):
             break
