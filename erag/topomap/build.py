@@ -111,7 +111,8 @@ def _meeting_edges(
     frame: Frame, nodes: Sequence[Observation], positions: Points, joined: Edges, meet: float | None
 ) -> Candidates:
     """An edge from each place to the nearest one of another component, where that is at most `meet` metres away."""
-    rows, label = _labelled(nodes, joined, _passable_by_rule(nodes))
+    rows = _passable_by_rule(nodes)
+    label = _labels(nodes, joined, rows)
     found = nearest_foreign(frame, positions[rows], label, 0.0 if meet is None else meet)
     start = np.flatnonzero((found.row >= 0) & (meet is not None))
     pairs = np.sort(np.stack([start, found.row[start]]), axis=0)
@@ -122,16 +123,16 @@ def _meeting_edges(
 def _bridge_edges(
     frame: Frame, nodes: Sequence[Observation], positions: Points, joined: Edges, max_bridge: float | None
 ) -> Candidates:
-    rows, label = _labelled(nodes, joined, np.flatnonzero(traversable_nodes(nodes, joined)))
-    index, metres = bridges(frame, positions[rows], label, max_bridge)
+    rows = np.flatnonzero(traversable_nodes(nodes, joined))
+    index, metres = bridges(frame, positions[rows], _labels(nodes, joined, rows), max_bridge)
     return Candidates.of(rows[index], EdgeKind.BRIDGE, metres)
 
 
-def _labelled(nodes: Sequence[Observation], joined: Edges, rows: IntArray) -> tuple[IntArray, IntArray]:
-    """The rows, and the component of each under the traversable edges, counted from 0 among these rows."""
+def _labels(nodes: Sequence[Observation], joined: Edges, rows: IntArray) -> IntArray:
+    """The component of each of the rows under the traversable edges, counted from 0 among these rows."""
     _, label = components(len(nodes), joined.index[:, joined.traversable])
     _, compact = np.unique(label[rows], return_inverse=True)
-    return rows, compact.astype(np.int64)
+    return compact.astype(np.int64)
 
 
 def _observed_from(frame: Frame, nodes: Sequence[Observation], positions: Points, joined: Edges) -> Candidates:
