@@ -158,11 +158,13 @@ class RescoreConfig(_Config):
 class ExpandConfig(_Config):
     """A language model says what would satisfy a query, at most `things`, and that is searched for too.
 
-    score = (1 - `weight`) × score of the query + `weight` × score of what the model named.
+    score = (1 - `weight`) × score of the query + `weight` × score of what the model named. With `literal` it is not
+    asked where the request names a thing by a name that the map mentions.
     """
 
     weight: Share = 0.5
     things: Annotated[int, Field(ge=1, le=12)] = 5
+    literal: bool = True
 
 
 class PlacesConfig(_Config):

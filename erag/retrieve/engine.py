@@ -89,7 +89,7 @@ class Retriever:
         scorer = None if search else scorer_of(corpus, config, backend)
         self._search = search or search_of(corpus, config, backend, judge, scorer)
         self._conditions = conditions_of(corpus, config, scorer, backend)
-        self._expander = Expander(backend, config.expand) if backend and config.expand else None
+        self._expander = Expander(backend, config.expand, corpus.index) if backend and config.expand else None
         self._apart = isinstance(scorer, RelevanceScorer)  # it reads what is named thing by thing, others as one text
         self._rescorer = Rescorer(corpus, backend, config.rescore) if backend and config.rescore else None
         self._distances = router or StraightLines(corpus.topomap)

@@ -14,6 +14,8 @@ from erag.core.text import clean
 from erag.lm.prompts import quoted
 from erag.lm.roles import Prompt, Writer
 from erag.retrieve.config import ExpandConfig
+from erag.retrieve.lexical import LexicalIndex
+from erag.retrieve.named import bearers
 from erag.retrieve.scoring import NOT_FOUND, Batch, LeafScorer, Scores
 
 INSTRUCTION = (
@@ -29,10 +31,11 @@ QUERY_CHARS, THING_CHARS = 400, 32
 
 
 class Expander:
-    """Asks for what would satisfy a query, once a text."""
+    """Asks for what would satisfy a query, once a text; with `literal` not where a text of `index` bears its name."""
 
-    def __init__(self, backend: Writer, config: ExpandConfig) -> None:
+    def __init__(self, backend: Writer, config: ExpandConfig, index: LexicalIndex | None = None) -> None:
         self._backend, self._config = backend, config
+        self._index = index if config.literal else None
         self._known: dict[str, tuple[str, ...]] = {}
 
     def things(self, texts: Sequence[str]) -> list[tuple[str, ...]]:
@@ -44,14 +47,29 @@ class Expander:
 
     def expanded(self, batch: Batch, *, apart: bool) -> tuple[Batch, list[tuple[str, ...]]]:
         """The batch with what else is searched for, thing by thing or joined, and what that is for each query."""
-        named = self.things(batch.texts)
+        asked = [i for i, text in enumerate(batch.texts) if not self._known_by_name(text)]
+        named: list[tuple[str, ...]] = [()] * len(batch)
+        for i, things in zip(asked, self.things([batch.texts[i] for i in asked]), strict=True):
+            named[i] = things
+        if not asked:
+            return batch, named
         if not apart:
-            texts = tuple(", ".join(things) for things in named)
-            return replace(batch, also=Batch(texts, self._backend.embed(texts, "query"))), named
-        distinct = tuple(dict.fromkeys(thing for things in named for thing in things))
-        vectors = dict(zip(distinct, self._backend.embed(distinct, "query"), strict=True))
-        each = tuple(Batch(things, np.stack([vectors[thing] for thing in things])) for things in named)
+            return replace(batch, also=self._embedded([", ".join(things) for things in named])), named
+        distinct = self._embedded(list(dict.fromkeys(thing for things in named for thing in things)))
+        at = {thing: row for row, thing in enumerate(distinct.texts)}
+        each = tuple(Batch(things, distinct.vectors[[at[thing] for thing in things]]) for things in named)
         return replace(batch, named=each), named
+
+    def _known_by_name(self, text: str) -> bool:
+        return self._index is not None and len(bearers(self._index, text)) > 0
+
+    def _embedded(self, texts: Sequence[str]) -> Batch:
+        """Texts with their vectors, zeros for empty ones."""
+        some = [i for i, text in enumerate(texts) if text]
+        found = np.asarray(self._backend.embed([texts[i] for i in some], "query"), np.float32)
+        vectors = np.zeros((len(texts), found.shape[1]), np.float32)
+        vectors[some] = found
+        return Batch(tuple(texts), vectors)
 
 
 def asking(text: str, things: int) -> Prompt:
@@ -96,10 +114,12 @@ class ExpandedScorer:
         self._scorer, self._weight = scorer, weight
 
     def scores(self, batch: Batch) -> Scores:
-        """(q, n): the weighted mean of both; `NOT_FOUND` where neither found anything."""
+        """(q, n): the weighted mean of both, or the query's own alone; `NOT_FOUND` where neither found anything."""
         own = self._scorer.scores(batch)
         if batch.also is None:
             return own
         other = self._scorer.scores(batch.also)
         mixed = (1 - self._weight) * np.maximum(own, 0) + self._weight * np.maximum(other, 0)
-        return np.where((own < 0) & (other < 0), NOT_FOUND, mixed).astype(np.float32)
+        mixed = np.where((own < 0) & (other < 0), NOT_FOUND, mixed)
+        more = np.array([bool(text) for text in batch.also.texts])[:, None]
+        return np.where(more, mixed, own).astype(np.float32)

@@ -6,7 +6,8 @@ import re
 from itertools import pairwise
 
 from erag.core.text import singular, word_set, words
-from erag.retrieve.lexical import content
+from erag.core.types import IntArray
+from erag.retrieve.lexical import LexicalIndex, content
 
 _NAMES = re.compile(
     r"\W*(?:please )?(?:find|show|take|guide|bring|lead|is there|are there|(?:i am |i'm )?looking for"
@@ -42,3 +43,8 @@ def named_thing(text: str) -> tuple[str, ...]:
             break
         said.append(word)
     return tuple(map(singular, said)) if content(" ".join(said)) else ()
+
+
+def bearers(index: LexicalIndex, text: str) -> IntArray:
+    """The rows whose texts have the name by which a request calls what it wants; none where it gives no name."""
+    return index.phrase_rows(named_thing(text))

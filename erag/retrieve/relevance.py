@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.lexical import LexicalIndex
-from erag.retrieve.named import named_thing
+from erag.retrieve.named import bearers
 from erag.retrieve.scoring import NOT_FOUND, Batch, Scores
 from erag.retrieve.uses import NOTHING, Lexicon, Uses
 
@@ -75,24 +75,24 @@ class EvidenceTable:
 
     def of(self, batch: Batch) -> list[Evidence]:
         """The evidence for each query of a batch, rows (n, f)."""
-        names: tuple[str, ...] = OWN
-        parts = [[own] for own in self._own(batch)]
+        return [self._evidence(batch, i, own) for i, own in enumerate(self._own(batch))]
+
+    def _evidence(self, batch: Batch, i: int, own: Floats) -> Evidence:
+        parts, names = [own], [*OWN]
         if self.uses is not None:
+            parts.append(self.uses.scores(batch.vectors[i]))
             names += SERVES
-            for part, vector in zip(parts, batch.vectors, strict=True):
-                part.append(self.uses.scores(vector))
-        if batch.named:
+        if batch.named and len(batch.named[i]):
+            parts.append(self._things(batch.named[i]))
             names += NAMED
-            for part, named in zip(parts, batch.named, strict=True):
-                part.append(self._things(named))
-        return [Evidence(np.hstack(part), names) for part in parts]
+        return Evidence(np.hstack(parts), tuple(names))
 
     def by_name(self, text: str, evidence: Evidence) -> Evidence:
         """The evidence for a request, without what things are good for at nodes that lack the name it gives.
 
         As it is where the request names nothing, or by a name that no node has.
         """
-        rows = self.index.phrase_rows(named_thing(text))
+        rows = bearers(self.index, text)
         if not len(rows) or SERVES[0] not in evidence.names:
             return evidence
         kept, first = evidence.rows.copy(), evidence.names.index(SERVES[0])
@@ -133,9 +133,11 @@ class RelevanceScorer:
 
     def scores(self, batch: Batch) -> Scores:
         """(q, n) in (0, 1); `NOT_FOUND` for nodes without text."""
-        model = self._models.named if batch.named else self._models.plain
         evidence = self._table.of(batch)
         if self._literal:
             evidence = [self._table.by_name(text, e) for text, e in zip(batch.texts, evidence, strict=True)]
-        found = [model.probability(e.rows, e.names) for e in evidence]
+        found = [self._model(e).probability(e.rows, e.names) for e in evidence]
         return np.where(self._table.searchable, np.stack(found), NOT_FOUND).astype(np.float32)
+
+    def _model(self, evidence: Evidence) -> Weights:
+        return self._models.named if NAMED[0] in evidence.names else self._models.plain

@@ -30,7 +30,8 @@ class Batch:
     """Queries that have text: `texts` (q,) and their `vectors` (q, d), unit rows.
 
     What else is searched for each of them is `also`, a batch of q rows, or `named`, a batch of things for each query;
-    neither where nothing is. `factors`: of the conditions that the queries set; None where none sets any.
+    an empty text or batch for a query where nothing is, neither where that holds for all. `factors`: of the conditions
+    that the queries set; None where none sets any.
     """
 
     texts: tuple[str, ...]

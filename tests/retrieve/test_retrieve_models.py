@@ -138,6 +138,23 @@ def test_what_the_model_names_is_searched_for_and_told() -> None:
     assert untouched.hits == plain.hits
 
 
+@pytest.mark.parametrize("kind", [NodeConfig(), RelevanceConfig(uses=False)], ids=["joined", "apart"])
+def test_what_stands_on_the_map_by_its_name_is_not_put_to_the_model(kind: NodeConfig | RelevanceConfig) -> None:
+    """In one batch: a known name, a name that no text bears, a wish; each as if asked alone."""
+    corpus = two_clusters(("bench", "tree"), "", ("fountain", "lamp"), "")
+    texts, model = ("Find a bench.", "Find a tap.", "I am thirsty"), Model(things=("fountain",))
+    config = RetrieveConfig(retriever=kind, expand=ExpandConfig())
+    retriever = Retriever(corpus, config, backend=backend(model))
+    together = retriever.retrieve([Query(text, top=5) for text in texts], embed(texts))
+    assert not any("bench" in prompt.messages[-1][1] for prompt in model.prompts)
+    assert ["also looked for: fountain" in found.notes for found in together] == [False, True, True]
+    assert together[0].hits == ask(corpus, RetrieveConfig(retriever=kind), Model(), texts[0]).hits
+    assert [ask(corpus, config, model, text).hits for text in texts] == [found.hits for found in together]
+    asked = len(model.prompts)
+    ask(corpus, RetrieveConfig(retriever=kind, expand=ExpandConfig(literal=False)), model, texts[0])
+    assert len(model.prompts) == asked + 1
+
+
 def test_what_is_named_is_embedded_as_it_is_read() -> None:
     corpus = two_clusters(("bench", "tree"), "", ("fountain", "lamp"), "")
     for kind, read in ((NodeConfig(), {"fountain, tap"}), (RelevanceConfig(uses=False), {"fountain", "tap"})):

@@ -223,7 +223,7 @@ def _config(out: Path) -> LoraDistil:
     return LoraDistil(
         kind="lora", base="tiny", task=task, taught_by="Taught by a rule.", rank=RANK, folds=3, judged=1, most=24,
         work=out / "work", out=out / "lora.safetensors", resamples=20,
-        training=LoraTraining(epochs=4, batch_size=8, rate=1e-2, wandb=False, dtype="float32"),
+        training=LoraTraining(epochs=4, batch_size=8, rate=1e-2, wandb=False, dtype="float32", threads=1),
     )  # fmt: skip
 
 
