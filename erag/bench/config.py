@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, RootModel
+from pydantic import BaseModel, ConfigDict, Field, RootModel, model_validator
 
 from erag.lm.config import LlamaCppRoles, ModelConfig, TorchLMRoles
 from erag.lm.sentence import SentenceConfig
 from erag.pipeline.config import PipelineConfig
-from erag.retrieve.config import FlatConfig, NodeConfig, Share
+from erag.retrieve.config import FlatConfig, NodeConfig, RetrieveConfig, Share
 
 TextEngine = Annotated[LlamaCppRoles | TorchLMRoles, Field(discriminator="kind")]
 Count = Annotated[int, Field(ge=1)]
@@ -187,16 +187,28 @@ class ScalingBench(_Bench):
 class LocationBench(_Bench):
     """How often the first hit is right and how far it is, for `weights` of location (`retrieve.alpha_rank`).
 
-    The find queries of simulated `worlds` are asked from where they say, else from a node drawn by the seed. The plot
-    is written to `plot`.
+    `forms` are ways to let location count: what each changes of `retrieve`. The find queries of simulated `worlds` are
+    asked from where they say, else from a node drawn by the seed. The plot is written to `plot`.
     """
 
     kind: Literal["location"]
     worlds: WorldsConfig
     weights: Annotated[tuple[Share, ...], Field(min_length=1)]
+    forms: Annotated[dict[str, dict[str, object]], Field(min_length=1)] = {"": {}}
     seed: int = 0
     plot: Path = Path("experiments/bench-location/location.png")
     pipeline: PipelineConfig = PipelineConfig()
+
+    @model_validator(mode="after")
+    def _forms_hold(self) -> LocationBench:
+        for form in self.forms:
+            self.retrieve(form, self.weights[0])
+        return self
+
+    def retrieve(self, form: str, weight: float) -> RetrieveConfig:
+        """How is asked in one of the forms at a weight. Raises ValueError where a form changes what there is not."""
+        stated = self.pipeline.retrieve.model_dump()
+        return RetrieveConfig.model_validate({**stated, **self.forms[form], "alpha_rank": weight})
 
 
 AnyBench = (

@@ -157,8 +157,8 @@ def _location(config: kinds.LocationBench) -> None:
     with show.progress_bars() as progress:
         rows = list(run(config, default_store(), progress))
     show.table(
-        ("weight of location", "kind", "n", "P@1", "way / R", "P·NI"),
-        [(s.weight, s.kind, s.questions, s.right, s.path, s.near) for s in rows],
+        ("form", "weight of location", "kind", "n", "P@1", "way / R", "P·NI"),
+        [(s.form, s.weight, s.kind, s.questions, s.right, s.path, s.near) for s in rows],
         right=("n",),
     )
     show.out(f"plot: {config.plot}" if plotted(rows, config.plot) else "no plot: matplotlib is not installed")

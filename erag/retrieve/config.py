@@ -83,8 +83,9 @@ class TreeConfig(_Config):
     query): 0 is the paper's descent through summaries, 1 cannot lose the best leaf. `cluster_embedding` says what a
     cluster is like: the vector of its `summary` (of its `mean` where it has none), or always the `mean` of its nodes.
     `leaves` says which leaves below an opened cluster are scored: `all`, or as in the paper the `best` `branches`,
-    chosen together with the clusters beside them. `scores` gives the leaves their scores. With `judge` a language model
-    decides instead of the scores.
+    chosen together with the clusters beside them. `scores` gives the leaves their scores; where the tree is `located`
+    they count in the descent as they do in the ranking, with the way there. With `judge` a language model decides
+    instead of the scores.
     """
 
     kind: Literal["tree"] = "tree"
@@ -93,6 +94,7 @@ class TreeConfig(_Config):
     scores: FlatConfig = Field(default_factory=FusionConfig)
     cluster_embedding: Literal["summary", "mean"] = "summary"
     leaves: Literal["all", "best"] = "all"
+    located: bool = False
     judge: JudgeConfig | None = None
 
 
@@ -178,20 +180,23 @@ class PlacesConfig(_Config):
 
 
 class RetrieveConfig(_Config):
-    """A retriever, and the re-ranking of its best `pool` hits by location and sensors (paper, phase 2).
+    """A retriever, and the re-ranking of its best `pool` hits, None for all, by location and sensors (paper, phase 2).
 
-    score = (1 - alpha_rank) × semantic + alpha_rank × exp(-metres / theta_rank), then
-    score = (1 - sensor_weight) × score + sensor_weight × sensor. `theta_rank` is in metres; `auto` is the median
-    distance of the map's nodes from their centre. With `conditions` a query is read for what must not be in the view,
-    near or far; only where the scores are those of a `relevance` retriever. With `places` hits are spread over places.
+    score = (1 - alpha_rank) × semantic + alpha_rank × spatial, spatial = exp(-metres / theta_rank), where `location` is
+    a `sum` (the paper's); as a `product` semantic × (1 - alpha_rank + alpha_rank × spatial): what answers better is
+    worth a longer way, what hardly answers none. Then score = (1 - sensor_weight) × score + sensor_weight × sensor.
+    `theta_rank` is in metres; `auto` is the median distance of the map's nodes from their centre. With `conditions` a
+    query is read for what must not be in the view, near or far; only where the scores are those of a `relevance`
+    retriever. With `places` hits are spread over places.
     """
 
     retriever: RetrieverConfig = Field(default_factory=FusionConfig)
     expand: ExpandConfig | None = None
     rescore: RescoreConfig | None = None
     conditions: bool = True
+    location: Literal["sum", "product"] = "sum"
     alpha_rank: Share = 0.1
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3
     places: PlacesConfig | None = None
-    pool: Annotated[int, Field(ge=1)] = 50
+    pool: Annotated[int, Field(ge=1)] | None = 50

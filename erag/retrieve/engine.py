@@ -9,13 +9,13 @@ import numpy as np
 
 from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import spatial_similarity
-from erag.core.types import Frame, Hit, IntArray, Query, Range
+from erag.core.types import Frame, Hit, IntArray, Pose, Query, Range
 from erag.lm.roles import LMBackend, Vectors
 from erag.retrieve.config import Bm25Config, RetrieveConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.expand import Expander
 from erag.retrieve.places import spread
-from erag.retrieve.rank import Distances, Floats, Sensors, StraightLines, Times, auto_theta, blend, mean_known
+from erag.retrieve.rank import Distances, Floats, Nearness, Sensors, StraightLines, Times, auto_theta, blend, mean_known
 from erag.retrieve.relevance import RelevanceScorer
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
@@ -55,6 +55,15 @@ class _Ranked:
 
 
 @dataclass(frozen=True, slots=True)
+class _Way:
+    """From where a query is asked to every node: metres (n,), whether along edges (n,), spatial similarity (n,)."""
+
+    metres: Floats
+    on_edges: Mask
+    spatial: Floats
+
+
+@dataclass(frozen=True, slots=True)
 class _Read:
     """What was reached for a query, and what else was searched for."""
 
@@ -87,7 +96,8 @@ class Retriever:
         if backend is None and asks_models(config):
             raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
         scorer = None if search else scorer_of(corpus, config, backend)
-        self._search = search or search_of(corpus, config, backend, judge, scorer)
+        self._nearness = Nearness(config.alpha_rank, config.location == "product")
+        self._search = search or search_of(corpus, config, backend, judge, scorer, self._nearness)
         self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand, corpus.index) if backend and config.expand else None
         self._apart = isinstance(scorer, RelevanceScorer)  # it reads what is named thing by thing, others as one text
@@ -106,12 +116,11 @@ class Retriever:
         self._check_vectors(queries, vectors)
         for query in queries:
             _check(query, self._corpus.topomap.frame)
-        spoken = [i for i, query in enumerate(queries) if _asks_text(query)]
-        reached: dict[int, _Read] = {}
-        for start in range(0, len(spoken), _BLOCK):
-            block = spoken[start : start + _BLOCK]
-            reached.update(zip(block, self._reach([queries[i] for i in block], vectors[block]), strict=True))
-        return [self._found(query, reached.get(i)) for i, query in enumerate(queries)]
+        found: list[Found] = []
+        for start in range(0, len(queries), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            found += self._block(queries[block], vectors[block])
+        return found
 
     def led(self, hits: tuple[Hit, ...], rows: Sequence[int], top: int) -> tuple[Hit, ...]:
         """At most `top` hits: the nodes `rows` in their order, then the others of `hits`; scores fall by place."""
@@ -136,10 +145,21 @@ class Retriever:
             if _asks_text(query) and not vector.any():
                 raise ValueError(f"the text {query.text!r} came without a vector")
 
-    def _reach(self, queries: Sequence[Query], vectors: Vectors) -> list[_Read]:
+    def _block(self, queries: Sequence[Query], vectors: Vectors) -> list[Found]:
+        ways = [None if query.at is None else self._way(query.at) for query in queries]
+        spoken = [i for i, query in enumerate(queries) if _asks_text(query)]
+        reads = self._reach([queries[i] for i in spoken], vectors[spoken], [ways[i] for i in spoken]) if spoken else []
+        read = dict(zip(spoken, reads, strict=True))
+        return [self._found(query, way, read.get(i)) for i, (query, way) in enumerate(zip(queries, ways, strict=True))]
+
+    def _way(self, at: Pose) -> _Way:
+        metres, on_edges = self._distances.path_or_straight(at, np.arange(len(self._corpus.topomap)))
+        return _Way(metres, on_edges, spatial_similarity(metres, self._theta))
+
+    def _reach(self, queries: Sequence[Query], vectors: Vectors, ways: Sequence[_Way | None]) -> list[_Read]:
         if not self._corpus.searchable.any():
             return [_Read(Reached(np.empty(0, np.int64), np.empty(0, np.float32), 0)) for _ in queries]
-        batch = Batch(tuple(query.text or "" for query in queries), vectors)
+        batch = Batch(tuple(query.text or "" for query in queries), vectors, spatial=self._spatial(ways))
         whole, told = batch, [""] * len(queries)
         things: list[tuple[str, ...]] = [()] * len(queries)
         if self._conditions is not None:
@@ -151,6 +171,13 @@ class Retriever:
             found = self._rescorer.rescored(whole, found, max(query.top for query in queries))
         return [_Read(*parts) for parts in zip(found, things, told, strict=True)]
 
+    def _spatial(self, ways: Sequence[_Way | None]) -> Floats | None:
+        """(q, n), NaN where no place is known; None where none is."""
+        if not any(ways):
+            return None
+        unknown = np.full(len(self._corpus.topomap), np.nan)
+        return np.stack([unknown if way is None else way.spatial for way in ways])
+
     def _askable(self, query: Query) -> Mask:
         """(n,) bool: nodes with what the query looks at, whenever they were observed."""
         return self._corpus.searchable if _asks_text(query) else self._corpus.visible
@@ -161,15 +188,15 @@ class Retriever:
             return self._askable(query)
         return self._askable(query) & self._times.within(query.since, query.until, query.hours)
 
-    def _found(self, query: Query, read: _Read | None) -> Found:
+    def _found(self, query: Query, way: _Way | None, read: _Read | None) -> Found:
         if read is None:
             rows = np.flatnonzero(self.eligible(query))
-            ranked, visited = self._rank(query, rows, None), len(rows)
+            ranked, visited = self._rank(query, way, rows, None), len(rows)
         else:
-            reached = read.reached
-            order = best_first(reached.scores, reached.rows)[: max(self._config.pool, query.top)]
+            reached, pool = read.reached, self._config.pool
+            order = best_first(reached.scores, reached.rows)[: None if pool is None else max(pool, query.top)]
             semantic = reached.scores[order].astype(np.float64)
-            ranked, visited = self._rank(query, reached.rows[order], semantic), reached.visited
+            ranked, visited = self._rank(query, way, reached.rows[order], semantic), reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
         looked = [f"also looked for: {', '.join(read.things)}"] if read and read.things else []
         set_out = [f"conditions: {read.conditions}"] if read and read.conditions else []
@@ -181,15 +208,14 @@ class Retriever:
             return None
         return float(read.reached.scores.max(initial=0.0))
 
-    def _rank(self, query: Query, rows: IntArray, semantic: Floats | None) -> _Ranked:
+    def _rank(self, query: Query, way: _Way | None, rows: IntArray, semantic: Floats | None) -> _Ranked:
         """The best `top` of candidates `rows` (r,); equal scores go by distance, where it counts, then by row."""
         spatial = sensor = on_edges = None
         score, nearness = np.zeros(len(rows)) if semantic is None else semantic, np.zeros(len(rows))
-        if query.at is not None:
-            metres, on_edges = self._distances.path_or_straight(query.at, rows)
-            spatial = spatial_similarity(metres, self._theta)
-            alpha = 1.0 if semantic is None else self._config.alpha_rank
-            score, nearness = blend(score, spatial, alpha), metres if alpha > 0 else nearness
+        if way is not None:
+            spatial, on_edges = way.spatial[rows], way.on_edges[rows]
+            score = spatial if semantic is None else self._nearness.joined(score, spatial)
+            nearness = way.metres[rows] if semantic is None or self._nearness.weight > 0 else nearness
         if query.sensors:
             sensor = self._sensor_scores(query)[rows]
             score = blend(score, sensor, self._config.sensor_weight)

@@ -158,6 +158,18 @@ def mean_known(scores: list[Floats], n: int) -> Floats:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
+@dataclass(frozen=True, slots=True)
+class Nearness:
+    """How being near counts: with `weight` in [0, 1], added, or as a share of the score (`product`)."""
+
+    weight: float
+    product: bool = False
+
+    def joined(self, score: Floats, spatial: Floats) -> Floats:
+        """Scores with the spatial similarity of the same nodes (paper, phase 2); as they are where that is NaN."""
+        return blend(score, score * spatial if self.product else spatial, self.weight)
+
+
 def blend(score: Floats, other: Floats, weight: float) -> Floats:
     """(1 - weight) × score + weight × other; `score` itself where `other` is NaN."""
     return np.where(np.isnan(other), score, (1 - weight) * score + weight * other)

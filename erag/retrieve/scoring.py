@@ -31,7 +31,8 @@ class Batch:
 
     What else is searched for each of them is `also`, a batch of q rows, or `named`, a batch of things for each query;
     an empty text or batch for a query where nothing is, neither where that holds for all. `factors`: of the conditions
-    that the queries set; None where none sets any.
+    that the queries set; None where none sets any. `spatial` (q, n): how near nodes are to where each query is asked
+    from, NaN where that is not said; None where no query says it.
     """
 
     texts: tuple[str, ...]
@@ -39,6 +40,7 @@ class Batch:
     also: Batch | None = None
     named: tuple[Batch, ...] = ()
     factors: Factors | None = None
+    spatial: npt.NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.texts)

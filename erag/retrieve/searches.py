@@ -29,6 +29,7 @@ from erag.retrieve.expand import ExpandedScorer
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.fusion import FusionScorer
 from erag.retrieve.judge import ModelJudge, Shortlisted
+from erag.retrieve.rank import Nearness
 from erag.retrieve.relevance import EvidenceTable, RelevanceScorer, fitted
 from erag.retrieve.scoring import FlatSearch, LeafScorer, Search
 from erag.retrieve.tree import ClusterJudge, TreeSearch
@@ -66,8 +67,12 @@ def search_of(
     backend: LMBackend | None = None,
     judge: ClusterJudge | None = None,
     scorer: LeafScorer | None = None,
+    nearness: Nearness | None = None,
 ) -> Search:
-    """The search a configuration asks for; `judge` takes the decisions of a tree, `scorer` is what `scorer_of` gave."""
+    """The search a configuration asks for; `judge` takes the decisions of a tree, `scorer` is what `scorer_of` gave.
+
+    By `nearness` a tree that is `located` looks at where a query is asked from.
+    """
     kind = config.retriever
     if isinstance(kind, CollapsedConfig):
         return CollapsedSearch(corpus, kind)
@@ -81,7 +86,8 @@ def search_of(
     elif config.expand is not None:
         scorer = ExpandedScorer(scorer, config.expand.weight)
     if isinstance(kind, TreeConfig):
-        return TreeSearch(corpus, kind, scorer, _decider(corpus, kind, backend, judge))
+        decider = _decider(corpus, kind, backend, judge)
+        return TreeSearch(corpus, kind, scorer, decider, nearness if kind.located else None)
     return FlatSearch(scorer, int(corpus.searchable.sum()))
 
 

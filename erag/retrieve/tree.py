@@ -14,6 +14,7 @@ from erag.lm.roles import Vectors
 from erag.retrieve.config import TreeConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.flat import NodeScorer, SentenceScorer
+from erag.retrieve.rank import Nearness
 from erag.retrieve.rows import cluster_vectors
 from erag.retrieve.scoring import Batch, LeafScorer, Mask, Reached, Scores, best_first, pair_similarity
 from erag.retrieve.spans import leaf_spans
@@ -99,7 +100,10 @@ class _Sight:
 
 
 class TreeSearch:
-    """Finds leaves by descent. It follows the scores, or whoever `decide` makes of the judge that would follow them."""
+    """Finds leaves by descent. It follows the scores, or whoever `decide` makes of the judge that would follow them.
+
+    With `nearness` the best leaf below a cluster is the one that location and text together put first.
+    """
 
     def __init__(
         self,
@@ -107,8 +111,10 @@ class TreeSearch:
         config: TreeConfig,
         scorer: LeafScorer,
         decide: Callable[[ClusterJudge], ClusterJudge] | None = None,
+        nearness: Nearness | None = None,
     ) -> None:
         self._config, self._scorer, self._decide = config, scorer, decide or (lambda scores: scores)
+        self._nearness = nearness
         self._by_score = config.judge.evidence if config.judge else config.evidence > 0 and decide is None
         self._forest, self._leaves = corpus.forest, int(corpus.searchable.sum())
         self._spans = leaf_spans(corpus.forest)
@@ -123,9 +129,10 @@ class TreeSearch:
         if not self._by_score and isinstance(self._scorer, NodeScorer | SentenceScorer):
             return self._search_lazily(batch, eligible, self._scorer)
         scores = self._scorer.scores(batch)
-        rank = _ranks(scores, eligible & (scores >= 0))
+        evidence = self._evidence(batch, scores)
+        rank = _ranks(evidence, eligible & (scores >= 0))
         sight = _Sight(self._spans.lowest(rank), _leaf_of_rank(rank))
-        reached, judged = self._descend(batch, sight, self._decide(self._score_judge(scores, rank, sight.lowest)))
+        reached, judged = self._descend(batch, sight, self._decide(self._score_judge(evidence, rank, sight.lowest)))
         n = self._forest.n_leaves
         seen = [self._leaves + int((rows >= n).sum()) for rows in judged]
         return [Reached(r, s[r], v) for r, s, v in zip(reached, scores, seen, strict=True)]
@@ -141,6 +148,12 @@ class TreeSearch:
         seen = [len(np.union1d(rows, below)) for rows, below in zip(judged, reached, strict=True)]
         parts = zip(reached, np.split(scores, ends), seen, strict=True)
         return [Reached(r[s >= 0], s[s >= 0], v) for r, s, v in parts]
+
+    def _evidence(self, batch: Batch, scores: Scores) -> Scores:
+        """What speaks for each leaf (q, n): its score, with where the query is asked from."""
+        if self._nearness is None or batch.spatial is None:
+            return scores
+        return self._nearness.joined(scores.astype(np.float64), batch.spatial).astype(np.float32)
 
     def _score_judge(self, scores: Scores, rank: IntArray, lowest: IntArray) -> ScoreJudge:
         """The built-in judge: scores are sorted, so that the lowest rank below a row tells its best score."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from erag.bench import location, selection
 from erag.bench.config import LocationBench, SelectionBench, WorldsConfig
@@ -97,19 +98,25 @@ def test_the_weight_of_location_trades_right_hits_for_short_ways(root: Path, tmp
             "kind": "location",
             "worlds": {"root": root, "folder": tmp_path},
             "weights": [0, 0.2, 1],
+            "forms": {"sum": {}, "product": {"location": "product"}},
             "plot": tmp_path / "plot" / "location.png",
             "pipeline": {**FAKE, "retrieve": retrieve},
         }
     )
     scores = list(location.run(config, default_store()))
-    assert [s.weight for s in scores] == ["0", "0.2", "1", location.NEAREST]
-    anywhere, balanced, nearest, ideal = scores
+    assert [s.weight for s in scores] == ["0", "0.2", "1", "0", "0.2", "1", location.NEAREST]
+    assert [s.form for s in scores] == 3 * ["sum"] + 3 * ["product"] + [""]
+    anywhere, balanced, nearest, *scaled, ideal = scores
     assert {s.questions for s in scores} == {8}
     assert anywhere.right.mean == balanced.right.mean == ideal.right.mean == 1
     assert nearest.right.mean == 1 / 8
     assert nearest.path.mean == 0
     assert balanced.path.mean == pytest.approx(ideal.path.mean)  # of two that answer the nearer one
     assert balanced.path.mean == pytest.approx(np.mean([10.0 * i / 75 for i in range(8)]))
+    assert [s.right.mean for s in scaled] == [1, 1, 1]  # what answers hardly at all is worth no way
+    assert scaled[2].path.mean == pytest.approx(ideal.path.mean)
+    with pytest.raises(ValidationError, match="location"):
+        LocationBench.model_validate({**config.model_dump(), "forms": {"x": {"location": "far"}}})
     pytest.importorskip("matplotlib")
     assert location.plotted(scores, config.plot)
     assert config.plot.stat().st_size > 1000

@@ -133,6 +133,24 @@ def test_text_and_place_are_weighed() -> None:
     assert hits["far"].semantic == pytest.approx(1.0, abs=1e-6)
 
 
+def test_as_a_product_nearness_counts_for_what_answers() -> None:
+    corpus = corpus_of([place("far", 100.0, "bench"), place("near", 10.0, "bench grass"), place("here", 0.0, "river")])
+    weights = {"retriever": NodeConfig(), "alpha_rank": 0.75, "theta_rank": 50.0, "location": "product"}
+    hits = {h.node: h for h in ask(corpus, Query("bench", at=Pose(0, 0)), **weights).hits}
+    for hit in hits.values():
+        assert hit.score == pytest.approx((hit.semantic or 0) * (0.25 + 0.75 * (hit.spatial or 0)))
+    assert next(iter(hits)) == "near"
+    alone = ask(corpus, Query(at=Pose(0, 0)), **weights).hits
+    assert [h.score for h in alone] == [h.spatial for h in alone]
+
+
+def test_without_a_pool_all_that_was_reached_is_re_ranked() -> None:
+    corpus = corpus_of([place(f"n{i}", 100.0 + i, "bench") for i in range(60)] + [place("near", 1.0, "bench grass")])
+    asked = {"retriever": NodeConfig(), "alpha_rank": 0.5}
+    assert nodes_of(ask(corpus, Query("bench", at=Pose(0, 0), top=1), **asked)) == ["n0"]
+    assert nodes_of(ask(corpus, Query("bench", at=Pose(0, 0), top=1), pool=None, **asked)) == ["near"]
+
+
 def test_only_the_pool_is_re_ranked() -> None:
     corpus = corpus_of([place("far", 100.0, "bench"), place("near", 1.0, "river")])
     asked = {"retriever": NodeConfig(), "alpha_rank": 1.0}

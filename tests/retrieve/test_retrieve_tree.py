@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -45,6 +45,22 @@ def test_with_evidence_alone_the_flat_winner_comes_first(seed: int, flat: FlatCo
     for found, expected in zip(retrieve(corpus, seed, tree), retrieve(corpus, seed, flat, top=1), strict=True):
         assert [h.node for h in found.hits[:1]] == [h.node for h in expected.hits]
         assert [h.score for h in found.hits[:1]] == [h.score for h in expected.hits]
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS, st.sampled_from(FLAT), st.integers(1, 4), st.sampled_from(["sum", "product"]), st.floats(0, 1))
+def test_where_it_is_located_the_flat_winner_from_there_comes_first(
+    seed: int, flat: FlatConfig, k: int, location: str, weight: float
+) -> None:
+    corpus, (queries, vectors) = random_corpus(seed), random_queries(seed, top=1)
+    queries = [replace(query, at=Pose(3.0 * i, 40.0)) for i, query in enumerate(queries)]
+
+    def first(retriever: TreeConfig | FlatConfig) -> list[list[tuple[str, float]]]:
+        given = {"retriever": retriever, "location": location, "alpha_rank": weight, "pool": None}
+        found = Retriever(corpus, RetrieveConfig.model_validate(given)).retrieve(queries, vectors)
+        return [[(hit.node, hit.score) for hit in f.hits] for f in found]
+
+    assert first(TreeConfig(branches=k, evidence=1.0, scores=flat, located=True)) == first(flat)
 
 
 @settings(max_examples=20, deadline=None)

@@ -17,6 +17,7 @@ pytest.importorskip("lightning", reason="needs erag[train]")
 import torch
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "lm"))
+from chats import told
 from tiny_bert import NAME, POSITIONS, tiny_store
 
 from erag.compare.sizes import model_mb
@@ -45,23 +46,10 @@ SETS_OF = [things[i % 3 :] + things[: i % 3] for i, things in enumerate(combinat
 WORDS = sorted({word.lower() for text in (*MET, *MET.values(), *SAYING, "zone") for word in text.split()} - {"{}"})
 
 
-def _chat(query: str, things: tuple[str, ...], answer: str) -> str:
-    cards = "\n\n".join(f"{n}. Location Details:\n   ID: {t}_{n}\n   Name: {t}_zone" for n, t in enumerate(things, 1))
-    asked = f"Query: {query}\nContext: Available Locations for Selection:\n\n{cards}\nInstruction: Choose."
-    return json.dumps({"messages": [{"role": "user", "content": asked}, {"role": "assistant", "content": answer}]})
-
-
 @pytest.fixture(scope="module")
 def chats(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("chats") / "decisions.jsonl"
-    lines = [
-        _chat(say.format(need), things, f"{met}_{things.index(met) + 1}")
-        for things in SETS_OF
-        for need, met in MET.items()
-        if met in things
-        for say in SAYING
-    ]
-    path.write_text("\n".join(lines))
+    path.write_text("\n".join(told(MET, SETS_OF, SAYING)))
     return path
 
 

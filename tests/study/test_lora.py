@@ -18,6 +18,7 @@ import torch
 from typer.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "lm" / "torchlm"))
+from chats import chat
 from torchlm_worlds import LLAMA, QWEN, Tiny, tiny_store
 
 from erag.core.errors import InputError, ModelError
@@ -188,23 +189,12 @@ def test_lessons_are_the_tokens_that_the_role_reads(store: ModelStore, tmp_path:
         drill([Lesson((("user", "long " * 1000),), "no")], vocabulary, shape)
 
 
-def _chat(query: str, things: tuple[str, ...], answer: int) -> str:
-    cards = "\n\n".join(
-        f"{n + 1}. Location Details:\n   ID: {t}_{n}\n   Name: {t}\n   Summary: A {t}.\n   ---"
-        for n, t in enumerate(things)
-    )
-    asked = f"Query: {query}\nContext: Available Locations for Selection:\n\n{cards}\nInstruction: Choose."
-    answers = f"{things[answer]}_{answer}"
-    return json.dumps({"messages": [{"role": "user", "content": asked}, {"role": "assistant", "content": answers}]})
-
-
 def test_decisions_become_questions_about_each_card(tmp_path: Path) -> None:
     from erag.lm.fake import Fake
 
     path = tmp_path / "d.jsonl"
-    path.write_text(
-        "\n".join(_chat(f"a {t} please", ("sofa", "clock", "sofa", "door"), i) for i, t in enumerate("xyz"))
-    )
+    things = ("sofa", "clock", "sofa", "door")
+    path.write_text("\n".join(chat(f"a {t} please", things, f"{things[i]}_{i + 1}") for i, t in enumerate("xyz")))
     source = ChatDecisions(kind="chats", paths=(path,))
     task = Choosing(ChoosingTask(kind="select", decisions=(source,)))
     assert [lesson.answer for lesson in task.lessons(1)] == ["No", "Yes", "No"]

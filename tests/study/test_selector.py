@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chats import chat, told
 
 pytest.importorskip("lightning", reason="needs erag[train]")
 
@@ -35,26 +36,11 @@ SETS_OF = [tuple(np.random.default_rng(i).permutation(list(MET.values()))[:4]) f
 SAYING = ("I am {}.", "My friend is {} now.", "We are so {} today!", "They must be {}, help!", "Somebody looks {}.")
 
 
-def _chat(query: str, things: tuple[str, ...], answer: str) -> str:
-    cards = "\n\n".join(
-        f"{n}. Location Details:\n   ID: {t}_{n}\n   Name: {t}_zone\n   Summary: A room with a {t} in it.\n   ---"
-        for n, t in enumerate(things, 1)
-    )
-    asked = f"Query: {query}\nContext: Available Locations for Selection:\n\n{cards}\nInstruction: Choose."
-    return json.dumps({"messages": [{"role": "user", "content": asked}, {"role": "assistant", "content": answer}]})
-
-
 @pytest.fixture(scope="module")
 def chats(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("chats") / "decisions.jsonl"
-    lines = [
-        _chat(say.format(need), things, f"{met}_{things.index(met) + 1}")
-        for things in SETS_OF
-        for need, met in MET.items()
-        if met in things
-        for say in SAYING
-    ]
-    path.write_text("\n".join([*lines, lines[0], _chat("Where?", ("sofa",), "sofa_1")]))
+    lines = list(told(MET, SETS_OF, SAYING, "A room with a {} in it."))
+    path.write_text("\n".join([*lines, lines[0], chat("Where?", ("sofa",), "sofa_1")]))
     return path
 
 
@@ -198,11 +184,11 @@ def test_recorded_decisions_are_read_from_a_memory(tmp_path: Path) -> None:
 
 def test_decisions_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     path = tmp_path / "d.jsonl"
-    for text, said in (("{}", "no chat"), (_chat("?", (), "x"), "no location"), ('{"messages": 1}', "no chat")):
+    for text, said in (("{}", "no chat"), (chat("?", (), "x"), "no location"), ('{"messages": 1}', "no chat")):
         path.write_text(text)
         with pytest.raises(InputError, match=said):
             read_decisions([ChatDecisions(kind="chats", paths=(path,))])
-    path.write_text(_chat("Where?", ("sofa", "clock"), "none_of_them"))
+    path.write_text(chat("Where?", ("sofa", "clock"), "none_of_them"))
     with pytest.raises(InputError, match="no decision"):
         read_decisions([ChatDecisions(kind="chats", paths=(path,))])
 
