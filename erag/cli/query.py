@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from erag.core.types import SensorWish
     from erag.data.contract import Result
     from erag.pipeline.query import Asker
+    from erag.retrieve.config import Form
 
 
 def register(app: typer.Typer) -> None:
@@ -59,9 +60,11 @@ def query(
 
     one = {"TEXT": text, "--at": at, "--at-node": at_node, "--sensor": sensor, "--since": since, "--until": until,
            "--hours": hours, "--now": now}  # fmt: skip
-    weight = _weight(prefer, located=bool(at or at_node or queries))
     _fit({**one, "--kind": kind, "--json": json_ or None} if queries else {"--where": where, "--out": out}, queries)
-    asker = Asker(memory, load_config(preset, config, [*weight, *(overrides or ())]), default_store())
+    chosen = load_config(preset, config, overrides or ())
+    if weight := _weight(prefer, chosen.retrieve.form, located=bool(at or at_node or queries)):
+        chosen = load_config(preset, config, [*weight, *(overrides or ())])
+    asker = Asker(memory, chosen, default_store())
     if queries is not None:
         _many(asker, queries, _pairs(where or (), "--where"), top, out)
         return
@@ -80,7 +83,7 @@ def _fit(others: Mapping[str, object], queries: Path | None) -> None:
         raise ConfigError(f"{' and '.join(stray)} {'with' if queries else 'without'} --queries", allowed=allowed)
 
 
-def _weight(prefer: str | None, located: bool) -> list[str]:
+def _weight(prefer: str | None, form: Form, *, located: bool) -> list[str]:
     """The override that a preference asks for: none for `balanced`, which is what the configuration says."""
     from erag.core.errors import ConfigError
     from erag.retrieve.config import PREFERENCES
@@ -90,11 +93,11 @@ def _weight(prefer: str | None, located: bool) -> list[str]:
     if prefer in (None, "balanced"):
         return []
     try:
-        weight = PREFERENCES[prefer] if prefer in PREFERENCES else float(prefer)
+        weight = PREFERENCES[prefer][form] if prefer in PREFERENCES else float(prefer)
     except ValueError:
         weight = -1.0
     if not 0 <= weight <= 1:
-        allowed = f"{', '.join((*PREFERENCES, 'balanced'))}, or a number from 0 (best anywhere) to 1 (nearest)"
+        allowed = f"{', '.join(PREFERENCES)}, or a number from 0 (best anywhere) to 1 (nearest)"
         raise ConfigError(f"{prefer!r}", where="--prefer", allowed=allowed)
     return [f"retrieve.alpha_rank={weight:g}"]
 

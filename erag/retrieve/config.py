@@ -6,8 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-# What a user may prefer, as the weight of location: the best anywhere, or the nearest that will do.
-PREFERENCES = {"near": 0.5, "best": 0.0}
+Form = Literal["sum", "product"]
+# The weight of location that a user may prefer: the nearest that will do, what the presets say, or the best anywhere.
+PREFERENCES: dict[str, dict[Form, float]] = {
+    "near": {"sum": 0.5, "product": 0.9},
+    "balanced": {"sum": 0.1, "product": 0.6},
+    "best": {"sum": 0.0, "product": 0.0},
+}
+POOL = 50  # hits that are ranked again where their scores are no probabilities
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -180,12 +186,14 @@ class PlacesConfig(_Config):
 
 
 class RetrieveConfig(_Config):
-    """A retriever, and the re-ranking of its best `pool` hits, None for all, by location and sensors (paper, phase 2).
+    """A retriever, and the re-ranking of its best `pool` hits by location and sensors (paper, phase 2).
 
     score = (1 - alpha_rank) × semantic + alpha_rank × spatial, spatial = exp(-metres / theta_rank), where `location` is
     a `sum` (the paper's); as a `product` semantic × (1 - alpha_rank + alpha_rank × spatial): what answers better is
     worth a longer way, what hardly answers none. Then score = (1 - sensor_weight) × score + sensor_weight × sensor.
-    `theta_rank` is in metres; `auto` is the median distance of the map's nodes from their centre. With `conditions` a
+    `auto` is for scores that are probabilities of relevance a product, its weight 0.6, of all that was reached; for
+    others a sum, its weight 0.1, of the best 50. `theta_rank` is in metres; `auto` is the median distance of the map's
+    nodes from their centre. With `conditions` a
     query is read for what must not be in the view, near or far; only where the scores are those of a `relevance`
     retriever. With `places` hits are spread over places.
     """
@@ -194,9 +202,33 @@ class RetrieveConfig(_Config):
     expand: ExpandConfig | None = None
     rescore: RescoreConfig | None = None
     conditions: bool = True
-    location: Literal["sum", "product"] = "sum"
-    alpha_rank: Share = 0.1
+    location: Form | Literal["auto"] = "auto"
+    alpha_rank: Share | Literal["auto"] = "auto"
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3
     places: PlacesConfig | None = None
-    pool: Annotated[int, Field(ge=1)] | None = 50
+    pool: Annotated[int, Field(ge=1)] | Literal["all", "auto"] = "auto"
+
+    @property
+    def probable(self) -> bool:
+        """Whether scores are probabilities of relevance."""
+        kind = self.retriever.scores if isinstance(self.retriever, TreeConfig) else self.retriever
+        return isinstance(kind, RelevanceConfig) and self.rescore is None
+
+    @property
+    def form(self) -> Form:
+        """How location joins."""
+        if self.location == "auto":
+            return "product" if self.probable else "sum"
+        return self.location
+
+    @property
+    def location_weight(self) -> float:
+        """The weight of location."""
+        return PREFERENCES["balanced"][self.form] if self.alpha_rank == "auto" else self.alpha_rank
+
+    def ranked(self, top: int) -> int | None:
+        """How many hits are ranked again for the `top` ones; None for all."""
+        if self.pool == "all" or (self.pool == "auto" and self.probable):
+            return None
+        return max(POOL if self.pool == "auto" else self.pool, top)

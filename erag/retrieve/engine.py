@@ -19,7 +19,7 @@ from erag.retrieve.rank import Distances, Floats, Nearness, Sensors, StraightLin
 from erag.retrieve.relevance import RelevanceScorer
 from erag.retrieve.rescore import Rescorer
 from erag.retrieve.scoring import Batch, Mask, Reached, Search, best_first
-from erag.retrieve.searches import asks_models, conditions_of, gives_probabilities, scorer_of, search_of
+from erag.retrieve.searches import asks_models, conditions_of, scorer_of, search_of
 from erag.retrieve.tree import ClusterJudge
 
 _BLOCK = 32  # queries searched at once: bounds the memory of (queries, nodes) arrays
@@ -96,7 +96,7 @@ class Retriever:
         if backend is None and asks_models(config):
             raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
         scorer = None if search else scorer_of(corpus, config, backend)
-        self._nearness = Nearness(config.alpha_rank, config.location == "product")
+        self._nearness = Nearness(config.location_weight, config.form == "product")
         self._search = search or search_of(corpus, config, backend, judge, scorer, self._nearness)
         self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand, corpus.index) if backend and config.expand else None
@@ -193,8 +193,8 @@ class Retriever:
             rows = np.flatnonzero(self.eligible(query))
             ranked, visited = self._rank(query, way, rows, None), len(rows)
         else:
-            reached, pool = read.reached, self._config.pool
-            order = best_first(reached.scores, reached.rows)[: None if pool is None else max(pool, query.top)]
+            reached = read.reached
+            order = best_first(reached.scores, reached.rows)[: self._config.ranked(query.top)]
             semantic = reached.scores[order].astype(np.float64)
             ranked, visited = self._rank(query, way, reached.rows[order], semantic), reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
@@ -204,7 +204,7 @@ class Retriever:
         return Found(hits, visited, notes, self._probability(read))
 
     def _probability(self, read: _Read | None) -> float | None:
-        if read is None or not gives_probabilities(self._config):
+        if read is None or not self._config.probable:
             return None
         return float(read.reached.scores.max(initial=0.0))
 

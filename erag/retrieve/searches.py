@@ -117,9 +117,3 @@ def asks_models(config: RetrieveConfig) -> bool:
     """Whether a configuration gives a decision of retrieval to a language model."""
     judged = isinstance(config.retriever, TreeConfig) and config.retriever.judge is not None
     return judged or config.expand is not None or config.rescore is not None
-
-
-def gives_probabilities(config: RetrieveConfig) -> bool:
-    """Whether the scores of a configuration are probabilities of relevance."""
-    kind = config.retriever.scores if isinstance(config.retriever, TreeConfig) else config.retriever
-    return isinstance(kind, RelevanceConfig) and config.rescore is None

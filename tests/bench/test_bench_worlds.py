@@ -98,7 +98,7 @@ def test_the_weight_of_location_trades_right_hits_for_short_ways(root: Path, tmp
             "kind": "location",
             "worlds": {"root": root, "folder": tmp_path},
             "weights": [0, 0.2, 1],
-            "forms": {"sum": {}, "product": {"location": "product"}},
+            "forms": {"sum": {"location": "sum"}, "product": {"location": "product"}},
             "plot": tmp_path / "plot" / "location.png",
             "pipeline": {**FAKE, "retrieve": retrieve},
         }

@@ -150,7 +150,7 @@ def test_bad_lines_are_answered_by_errors_in_their_place(
         (("query", "M", "x", "--at", "1,95"), "95"),
         (("query", "M", "x", "--at-node", "zz"), "no node 'zz'"),
         (("query", "M", "x", "--prefer", "near"), "--prefer without a position"),
-        (("query", "M", "x", "--at", "1,2", "--prefer", "far"), "near, best, balanced, or a number from 0"),
+        (("query", "M", "x", "--at", "1,2", "--prefer", "far"), "near, balanced, best, or a number from 0"),
         (("query", "M", "x", "--at", "1,2", "--prefer", "nan"), "'nan'"),
         (("query", "M", "x", "--sensor", "ndvi"), "KEY=VALUE"),
         (("query", "M", "x", "--sensor", "noise=low"), "ndvi"),

@@ -148,7 +148,7 @@ def test_without_a_pool_all_that_was_reached_is_re_ranked() -> None:
     corpus = corpus_of([place(f"n{i}", 100.0 + i, "bench") for i in range(60)] + [place("near", 1.0, "bench grass")])
     asked = {"retriever": NodeConfig(), "alpha_rank": 0.5}
     assert nodes_of(ask(corpus, Query("bench", at=Pose(0, 0), top=1), **asked)) == ["n0"]
-    assert nodes_of(ask(corpus, Query("bench", at=Pose(0, 0), top=1), pool=None, **asked)) == ["near"]
+    assert nodes_of(ask(corpus, Query("bench", at=Pose(0, 0), top=1), pool="all", **asked)) == ["near"]
 
 
 def test_only_the_pool_is_re_ranked() -> None:

@@ -56,7 +56,7 @@ def test_where_it_is_located_the_flat_winner_from_there_comes_first(
     queries = [replace(query, at=Pose(3.0 * i, 40.0)) for i, query in enumerate(queries)]
 
     def first(retriever: TreeConfig | FlatConfig) -> list[list[tuple[str, float]]]:
-        given = {"retriever": retriever, "location": location, "alpha_rank": weight, "pool": None}
+        given = {"retriever": retriever, "location": location, "alpha_rank": weight, "pool": "all"}
         found = Retriever(corpus, RetrieveConfig.model_validate(given)).retrieve(queries, vectors)
         return [[(hit.node, hit.score) for hit in f.hits] for f in found]
 
