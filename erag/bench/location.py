@@ -23,6 +23,7 @@ from erag.topomap.routes import Router
 NEAREST = "nearest right node"  # the choice of whoever knows the truth
 _INK, _PALE = "#1f3a5f", "#9db4cc"
 _LINES = ("o-", "s--", "^:", "v-.")
+_APART = (0.08, 0.04)  # a weight is written only so far from the last one, in units of R and P@1
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +128,12 @@ def plotted(scores: Sequence[LocationScore], path: Path) -> bool:
             curve = [s for s in curves if s.form == form]
             ways, right = [s.path.mean for s in curve], [s.right.mean for s in curve]
             axes.plot(ways, right, line, color=ink, label=f"{kind} {form}".strip(), markersize=4)
+            told = (np.inf, np.inf)
             for s in curve:
                 at = (s.path.mean, s.right.mean)
-                axes.annotate(s.weight, at, xytext=(4, 5), textcoords="offset points", fontsize=7)
+                if abs(at[0] - told[0]) > _APART[0] or abs(at[1] - told[1]) > _APART[1]:
+                    axes.annotate(s.weight, at, xytext=(4, 5), textcoords="offset points", fontsize=7)
+                    told = at
         best = [s for s in scores if s.kind == kind and s.weight == NEAREST]
         axes.plot([s.path.mean for s in best], [s.right.mean for s in best], "*", color=ink, markersize=9)
     axes.set_xlabel("way to the first hit, in units of R (star: the nearest right node)")
