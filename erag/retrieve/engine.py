@@ -193,15 +193,21 @@ class Retriever:
             rows = np.flatnonzero(self.eligible(query))
             ranked, visited = self._rank(query, way, rows, None), len(rows)
         else:
-            reached = read.reached
-            order = best_first(reached.scores, reached.rows)[: self._config.ranked(query.top)]
-            semantic = reached.scores[order].astype(np.float64)
-            ranked, visited = self._rank(query, way, reached.rows[order], semantic), reached.visited
+            rows, scores = self._pooled(read.reached, self._config.ranked(query.top))
+            ranked, visited = self._rank(query, way, rows, scores), read.reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
         looked = [f"also looked for: {', '.join(read.things)}"] if read and read.things else []
         set_out = [f"conditions: {read.conditions}"] if read and read.conditions else []
         notes = (*set_out, *looked, *self._map_notes(query, bool(hits)), *_hit_notes(query, ranked))
         return Found(hits, visited, notes, self._probability(read))
+
+    def _pooled(self, reached: Reached, most: int | None) -> tuple[IntArray, Floats]:
+        """What is ranked again: rows (r,) and scores (r,) of the best `most`, of all where that is None."""
+        rows, scores = reached.rows, reached.scores.astype(np.float64)
+        if most is None:
+            return rows, scores
+        best = best_first(reached.scores, rows)[:most]
+        return rows[best], scores[best]
 
     def _probability(self, read: _Read | None) -> float | None:
         if read is None or not self._config.probable:
