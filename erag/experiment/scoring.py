@@ -90,10 +90,14 @@ def _drove(trip: Driven | None) -> dict[str, float]:
 
 
 def _both(values: Mapping[str, float]) -> Mapping[str, float]:
-    """With `arrived_right`: the robot got there, and it was the right place."""
-    if "arrived" not in values or "precision@1" not in values:
+    """What is right and more: `arrived_right`, the robot got there; `precision_ni@1`, near: P(Q|A,L) by labels."""
+    if "precision@1" not in values:
         return values
-    return {**values, "arrived_right": values["arrived"] * values["precision@1"]}
+    joined = {"arrived": "arrived_right", "ni@1": "precision_ni@1"}
+    return {
+        **values,
+        **{name: values[other] * values["precision@1"] for other, name in joined.items() if other in values},
+    }
 
 
 def _pair(pairs: Mapping[PairKey, Voted], question: QuestionKey, node: str) -> Voted:

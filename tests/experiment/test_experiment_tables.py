@@ -61,6 +61,7 @@ def test_scores_by_hand() -> None:
     assert (got["precision@1"], got["precision@5"], got["mrr"]) == (1, pytest.approx(2 / 5), 1)
     assert got["map"] == pytest.approx((1 + 2 / 3) / 2)
     assert got["nearest@1"] == 0
+    assert got["precision_ni@1"] == got["ni@1"] == pytest.approx(0.8)
 
 
 def test_no_answer_a_refusal_and_an_error_count_zero() -> None:
