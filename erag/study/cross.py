@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import log_softmax
 
 from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 
     from erag.lm.cross_network import CrossNetwork
 
-STUDENT, BESIDE = "this cross-encoder", "an adapter"
+STUDENT, BESIDE, BOTH = "this cross-encoder", "an adapter", "both together"
 _LOGITS = "logits.npy"
 
 
@@ -73,7 +74,10 @@ def distil(config: CrossDistil, store: ModelStore, progress: Progress = quiet) -
     clock.append(time.perf_counter())
     run = _Run(config, decisions, data, store, progress)
     for name, groups in splits.items():
-        students[name][STUDENT] = run.left_out(name, groups)
+        own = run.left_out(name, groups)
+        if config.beside is not None:
+            students[name][BOTH] = _together((students[name][BESIDE], own), data)
+        students[name][STUDENT] = own
     clock.append(time.perf_counter())
     slope, offset = platt(*pairs_of(students[QUESTIONS][STUDENT], data))
     _, state = run.trained("all", range(len(data)))
@@ -166,6 +170,13 @@ class _Run:
         (folder / LAST).unlink(missing_ok=True)
         known: Floats = np.load(folder / _LOGITS, allow_pickle=False)
         return known
+
+
+def _together(logits: Sequence[Floats], data: Table) -> Floats:
+    """(n, m): the mean of the log-probabilities that several give to the cards of each decision."""
+    there = (data.shown >= 0).numpy()
+    found: Floats = np.mean([log_softmax(np.where(there, one, -np.inf), axis=1) for one in logits], axis=0)
+    return found
 
 
 def _plain(name: str) -> Path:

@@ -31,7 +31,8 @@ def cross_card(config: CrossDistil, report: Report) -> str:
 {report.bytes:,} bytes: the taught weights in 8 bits, of which the figures are too; the rest is {config.base}'s own."""
     if config.beside is not None:
         what += f"""
-Beside it stands an adapter on vectors of {embedder_name(config.embedder)}, taught and judged on the same parts."""
+Beside it stands an adapter on vectors of {embedder_name(config.embedder)}, taught and judged on the same parts;
+`both together` goes by the mean of the log-probabilities that the two give to the cards."""
     return _chooser_card(config, what, "a student", config.training, report)
 
 

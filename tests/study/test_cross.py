@@ -33,7 +33,7 @@ from erag.lm.ledger import Ledger
 from erag.lm.roles import SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import area
-from erag.study.cross import BESIDE, STUDENT, distil
+from erag.study.cross import BESIDE, BOTH, STUDENT, distil
 from erag.study.decisions import ChatDecisions
 from erag.study.kinds import AnyDistil
 from erag.study.standing import QUESTIONS, SETS, STRICT, Report
@@ -83,10 +83,10 @@ def _student(config: CrossDistil, store: ModelStore, ledger: Ledger | None = Non
 def test_it_learns_what_no_word_gives_away(taught: tuple[CrossDistil, Report]) -> None:
     _, report = taught
     for split in (QUESTIONS, SETS):
-        assert list(report.agreement[split]) == ["always first", "cosine", BESIDE, STUDENT, STRICT]
+        assert list(report.agreement[split]) == ["always first", "cosine", BESIDE, BOTH, STUDENT, STRICT]
         assert report.agreement[split][STUDENT].mean > 0.9
         assert report.agreement[split]["cosine"].mean < 0.6
-        assert list(report.area[split]) == ["cosine", BESIDE, STUDENT]
+        assert list(report.area[split]) == ["cosine", BESIDE, BOTH, STUDENT]
         assert report.area[split][STUDENT].mean > 0.9 > report.area[split]["cosine"].mean
     assert list(report.seconds) == ["embed", "adapter", "folds", "train", "judge"]
 
@@ -96,7 +96,7 @@ def test_the_card_says_what_was_measured_and_whose_choices_it_learnt(taught: tup
     card = config.out.with_suffix(".md").read_text()
     assert "Taught by a rule." in card
     assert f"its upper 2 layers were taught, and one score of the mean of all tokens.\n{report.bytes:,} bytes" in card
-    for who in (BESIDE, STUDENT):
+    for who in (BESIDE, BOTH, STUDENT):
         assert f"| {who} | {report.agreement[QUESTIONS][who].mean:.3f} [" in card
     assert "ms a decision, query and cards read anew" in card
     figures = json.loads((config.work / "figures.json").read_text())
