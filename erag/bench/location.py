@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +124,7 @@ def plotted(scores: Sequence[LocationScore], path: Path) -> bool:
     axes = figure.subplots()
     for kind, ink in zip(dict.fromkeys(s.kind for s in scores), (_INK, "#b0552b", _PALE), strict=False):
         curves = [s for s in scores if s.kind == kind and s.weight != NEAREST]
-        for form, line in zip(dict.fromkeys(s.form for s in curves), _LINES, strict=False):
+        for form, line in zip(dict.fromkeys(s.form for s in curves), cycle(_LINES), strict=False):
             curve = [s for s in curves if s.form == form]
             ways, right = [s.path.mean for s in curve], [s.right.mean for s in curve]
             axes.plot(ways, right, line, color=ink, label=f"{kind} {form}".strip(), markersize=4)

@@ -109,7 +109,7 @@ class Memories:
 
     def nearest(self, read: Read, hits: Sequence[Hit]) -> Recalled | None:
         """For a thing nobody named: the latest of the places that come nearly as near to the question as the best."""
-        near = [h for h in hits if h.score >= _NEARLY * hits[0].score]
+        near = [h for h in hits if _likeness(h) >= _NEARLY * max(map(_likeness, hits))]
         rows = [self._corpus.topomap.row[h.node] for h in near]
         timed = [r for r in rows if np.isfinite(self._past.times[r])]
         if read.asked.aspect not in ("last", "ago") or not timed:
@@ -227,3 +227,8 @@ class Memories:
 _ORDER: dict[str, tuple[ChangeKind, ...]] = {
     "gone": ("gone", "moved"), "new": ("new", "moved"), "moved": ("moved",), "changed": ("gone", "new", "moved"),
 }  # fmt: skip
+
+
+def _likeness(hit: Hit) -> float:
+    """How near a hit comes to the question, wherever it is; its score where it has no other."""
+    return hit.score if hit.semantic is None else hit.semantic

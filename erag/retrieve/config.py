@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Form = Literal["sum", "product"]
-# The weight of location that a user may prefer: the nearest that will do, what the presets say, or the best anywhere.
+# The weight of location that a user may prefer: the nearest that will do, `auto`, or the best anywhere.
 PREFERENCES: dict[str, dict[Form, float]] = {
     "near": {"sum": 0.5, "product": 0.9},
-    "balanced": {"sum": 0.1, "product": 0.6},
+    "balanced": {"sum": 0.2, "product": 0.6},
     "best": {"sum": 0.0, "product": 0.0},
 }
-POOL = 50  # hits that are ranked again where their scores are no probabilities
+POOL = 50  # hits that are ranked again where their scores are no probabilities, or by sensors
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -90,8 +90,8 @@ class TreeConfig(_Config):
     cluster is like: the vector of its `summary` (of its `mean` where it has none), or always the `mean` of its nodes.
     `leaves` says which leaves below an opened cluster are scored: `all`, or as in the paper the `best` `branches`,
     chosen together with the clusters beside them. `scores` gives the leaves their scores; where the tree is `located`
-    they count in the descent as they do in the ranking, with the way there. With `judge` a language model decides
-    instead of the scores.
+    they count in the descent, as far as `evidence` does, as in the ranking: with the way there. With `judge` a language
+    model decides instead of the scores.
     """
 
     kind: Literal["tree"] = "tree"
@@ -191,9 +191,9 @@ class RetrieveConfig(_Config):
     score = (1 - alpha_rank) × semantic + alpha_rank × spatial, spatial = exp(-metres / theta_rank), where `location` is
     a `sum` (the paper's); as a `product` semantic × (1 - alpha_rank + alpha_rank × spatial): what answers better is
     worth a longer way, what hardly answers none. Then score = (1 - sensor_weight) × score + sensor_weight × sensor.
-    `auto` is for scores that are probabilities of relevance a product, its weight 0.6, of all that was reached; for
-    others a sum, its weight 0.1, of the best 50. `theta_rank` is in metres; `auto` is the median distance of the map's
-    nodes from their centre. With `conditions` a
+    `auto` is for scores that are probabilities of relevance a product, its weight 0.6, of all that was reached (of the
+    best 50 where sensors are asked for, which are added); for others a sum, its weight 0.2, of the best 50.
+    `theta_rank` is in metres; `auto` is the median distance of the map's nodes from their centre. With `conditions` a
     query is read for what must not be in the view, near or far; only where the scores are those of a `relevance`
     retriever. With `places` hits are spread over places.
     """
@@ -210,7 +210,7 @@ class RetrieveConfig(_Config):
     pool: Annotated[int, Field(ge=1)] | Literal["all", "auto"] = "auto"
 
     @property
-    def probable(self) -> bool:
+    def gives_probabilities(self) -> bool:
         """Whether scores are probabilities of relevance."""
         kind = self.retriever.scores if isinstance(self.retriever, TreeConfig) else self.retriever
         return isinstance(kind, RelevanceConfig) and self.rescore is None
@@ -219,7 +219,7 @@ class RetrieveConfig(_Config):
     def form(self) -> Form:
         """How location joins."""
         if self.location == "auto":
-            return "product" if self.probable else "sum"
+            return "product" if self.gives_probabilities else "sum"
         return self.location
 
     @property
@@ -227,8 +227,8 @@ class RetrieveConfig(_Config):
         """The weight of location."""
         return PREFERENCES["balanced"][self.form] if self.alpha_rank == "auto" else self.alpha_rank
 
-    def ranked(self, top: int) -> int | None:
-        """How many hits are ranked again for the `top` ones; None for all."""
-        if self.pool == "all" or (self.pool == "auto" and self.probable):
+    def ranked(self, top: int, *, sensed: bool) -> int | None:
+        """How many hits are ranked again for the `top` ones, with sensors or without; None for all."""
+        if self.pool == "all" or (self.pool == "auto" and self.gives_probabilities and not sensed):
             return None
         return max(POOL if self.pool == "auto" else self.pool, top)

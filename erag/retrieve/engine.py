@@ -11,7 +11,7 @@ from erag.core.errors import ConfigError, InputError
 from erag.core.geometry import spatial_similarity
 from erag.core.types import Frame, Hit, IntArray, Pose, Query, Range
 from erag.lm.roles import LMBackend, Vectors
-from erag.retrieve.config import Bm25Config, RetrieveConfig
+from erag.retrieve.config import Bm25Config, RetrieveConfig, TreeConfig
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.expand import Expander
 from erag.retrieve.places import spread
@@ -160,20 +160,22 @@ class Retriever:
         if not self._corpus.searchable.any():
             return [_Read(Reached(np.empty(0, np.int64), np.empty(0, np.float32), 0)) for _ in queries]
         batch = Batch(tuple(query.text or "" for query in queries), vectors, spatial=self._spatial(ways))
+        eligible = np.stack([self.eligible(query) for query in queries])
         whole, told = batch, [""] * len(queries)
         things: list[tuple[str, ...]] = [()] * len(queries)
         if self._conditions is not None:
             batch, told = self._conditions.read(batch, [query.kind != "explain" for query in queries])
         if self._expander is not None:
-            batch, things = self._expander.expanded(batch, apart=self._apart)
-        found = self._search.search(batch, np.stack([self.eligible(query) for query in queries]))
+            batch, things = self._expander.expanded(batch, eligible, apart=self._apart)
+        found = self._search.search(batch, eligible)
         if self._rescorer is not None:
             found = self._rescorer.rescored(whole, found, max(query.top for query in queries))
         return [_Read(*parts) for parts in zip(found, things, told, strict=True)]
 
     def _spatial(self, ways: Sequence[_Way | None]) -> Floats | None:
-        """(q, n), NaN where no place is known; None where none is."""
-        if not any(ways):
+        """(q, n), NaN where no place is known; None where none is, and for searches that do not look at it."""
+        kind = self._config.retriever
+        if not any(ways) or not isinstance(kind, TreeConfig) or not kind.located:
             return None
         unknown = np.full(len(self._corpus.topomap), np.nan)
         return np.stack([unknown if way is None else way.spatial for way in ways])
@@ -193,7 +195,7 @@ class Retriever:
             rows = np.flatnonzero(self.eligible(query))
             ranked, visited = self._rank(query, way, rows, None), len(rows)
         else:
-            rows, scores = self._pooled(read.reached, self._config.ranked(query.top))
+            rows, scores = self._pooled(read.reached, self._config.ranked(query.top, sensed=bool(query.sensors)))
             ranked, visited = self._rank(query, way, rows, scores), read.reached.visited
         hits = tuple(self._hit(ranked, i) for i in range(len(ranked.rows)))
         looked = [f"also looked for: {', '.join(read.things)}"] if read and read.things else []
@@ -210,9 +212,10 @@ class Retriever:
         return rows[best], scores[best]
 
     def _probability(self, read: _Read | None) -> float | None:
-        if read is None or not self._config.probable:
+        if read is None or not self._config.gives_probabilities:
             return None
-        return float(read.reached.scores.max(initial=0.0))
+        best = read.reached.best
+        return float(read.reached.scores.max(initial=0.0)) if best is None else best
 
     def _rank(self, query: Query, way: _Way | None, rows: IntArray, semantic: Floats | None) -> _Ranked:
         """The best `top` of candidates `rows` (r,); equal scores go by distance, where it counts, then by row."""

@@ -16,7 +16,7 @@ from erag.lm.roles import Prompt, Writer
 from erag.retrieve.config import ExpandConfig
 from erag.retrieve.lexical import LexicalIndex
 from erag.retrieve.named import bearers
-from erag.retrieve.scoring import NOT_FOUND, Batch, LeafScorer, Scores
+from erag.retrieve.scoring import NOT_FOUND, Batch, LeafScorer, Mask, Scores
 
 INSTRUCTION = (
     "A robot looks for a place in its surroundings. Name the objects or places that one could see there and that would "
@@ -45,9 +45,13 @@ class Expander:
         self._known.update({text: _read(answer.text) for text, answer in zip(new, answers, strict=True)})
         return [self._known[text] for text in texts]
 
-    def expanded(self, batch: Batch, *, apart: bool) -> tuple[Batch, list[tuple[str, ...]]]:
-        """The batch with what else is searched for, thing by thing or joined, and what that is for each query."""
-        asked = [i for i, text in enumerate(batch.texts) if not self._known_by_name(text)]
+    def expanded(self, batch: Batch, eligible: Mask, *, apart: bool) -> tuple[Batch, list[tuple[str, ...]]]:
+        """The batch with what else is searched for, thing by thing or joined, and what that is for each query.
+
+        `eligible` (q, n): the nodes that each query may find; a name that only others have is put to the model.
+        """
+        known = [self._known_by_name(text, may) for text, may in zip(batch.texts, eligible, strict=True)]
+        asked = [i for i, at_hand in enumerate(known) if not at_hand]
         named: list[tuple[str, ...]] = [()] * len(batch)
         for i, things in zip(asked, self.things([batch.texts[i] for i in asked]), strict=True):
             named[i] = things
@@ -60,8 +64,8 @@ class Expander:
         each = tuple(Batch(things, distinct.vectors[[at[thing] for thing in things]]) for things in named)
         return replace(batch, named=each), named
 
-    def _known_by_name(self, text: str) -> bool:
-        return self._index is not None and len(bearers(self._index, text)) > 0
+    def _known_by_name(self, text: str, eligible: Mask) -> bool:
+        return self._index is not None and bool(eligible[bearers(self._index, text)].any())
 
     def _embedded(self, texts: Sequence[str]) -> Batch:
         """Texts with their vectors, zeros for empty ones."""

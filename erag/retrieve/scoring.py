@@ -56,11 +56,15 @@ class LeafScorer(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """What a search found for one query: `rows` (r,) int64 ascending with `scores` (r,), and what it looked at."""
+    """What a search found for one query: `rows` (r,) int64 ascending with `scores` (r,), and what it looked at.
+
+    `best` is the highest score of all that may be found, where more was scored than was reached.
+    """
 
     rows: IntArray
     scores: Scores
     visited: int
+    best: float | None = None
 
 
 class Search(Protocol):

@@ -16,7 +16,7 @@ from erag.retrieve.corpus import Corpus
 from erag.retrieve.flat import NodeScorer, SentenceScorer
 from erag.retrieve.rank import Nearness
 from erag.retrieve.rows import cluster_vectors
-from erag.retrieve.scoring import Batch, LeafScorer, Mask, Reached, Scores, best_first, pair_similarity
+from erag.retrieve.scoring import NOT_FOUND, Batch, LeafScorer, Mask, Reached, Scores, best_first, pair_similarity
 from erag.retrieve.spans import leaf_spans
 
 
@@ -24,8 +24,8 @@ from erag.retrieve.spans import leaf_spans
 class Choice:
     """One decision: for query `query` of the batch, which of the forest's rows `rows` (r,) below `parent` to follow.
 
-    `parent` is -1 where the rows are roots. The rows are ascending; `best` (r,) is the leaf below each that scores best
-    for the query, or n, the number of leaves, where leaves were not scored.
+    `parent` is -1 where the rows are roots. The rows are ascending; `best` (r,) is the leaf below each that comes first
+    for the query, by score or with the way to it, or n, the number of leaves, where leaves were not scored.
     """
 
     query: int
@@ -135,7 +135,9 @@ class TreeSearch:
         reached, judged = self._descend(batch, sight, self._decide(self._score_judge(evidence, rank, sight.lowest)))
         n = self._forest.n_leaves
         seen = [self._leaves + int((rows >= n).sum()) for rows in judged]
-        return [Reached(r, s[r], v) for r, s, v in zip(reached, scores, seen, strict=True)]
+        best = np.where(eligible, scores, NOT_FOUND).max(axis=1, initial=0.0)
+        parts = zip(reached, scores, seen, best.tolist(), strict=True)
+        return [Reached(r, s[r], v, most) for r, s, v, most in parts]
 
     def _search_lazily(self, batch: Batch, eligible: Mask, scorer: NodeScorer | SentenceScorer) -> list[Reached]:
         n = self._forest.n_leaves

@@ -89,7 +89,7 @@ class CrossDistil(ChoiceDistil):
     Its upper `layers` and one linear score are taught, what is below stays as it is. The loss of a decision is
     (1 - `relevance`) × the cross-entropy over its cards + `relevance` × the binary one of its cards, each on its own.
     `call` pairs of about equal length are computed together. The cosine is that of `embedder`; `beside` is an adapter
-    on the same vectors, trained and judged on the same parts of the decisions (null: none).
+    on the same vectors, trained and judged on the same parts of the decisions (null: none), alone and with it.
     """
 
     kind: Literal["cross_encoder"]

@@ -15,7 +15,16 @@ from retrieve_worlds import DIM, corpus_of, embed, permuted, random_corpus, rand
 from erag.core.errors import InputError
 from erag.core.geometry import distance
 from erag.core.types import Frame, IntArray, Interval, Observation, Pose, Query
-from erag.retrieve.config import Bm25Config, FusionConfig, NodeConfig, RetrieveConfig, SentenceConfig, TreeConfig
+from erag.retrieve.config import (
+    Bm25Config,
+    FusionConfig,
+    NodeConfig,
+    RelevanceConfig,
+    RescoreConfig,
+    RetrieveConfig,
+    SentenceConfig,
+    TreeConfig,
+)
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.engine import Found, Retriever
 from erag.retrieve.rows import cluster_vectors
@@ -23,6 +32,7 @@ from erag.retrieve.rows import cluster_vectors
 SEEDS = st.integers(0, 10_000)
 HERE = Pose(3.0, -4.0)
 FLAT = (NodeConfig(), SentenceConfig(), Bm25Config(), FusionConfig())
+PROBABLE = RelevanceConfig(uses=False)
 RETRIEVERS = (*FLAT, TreeConfig(), TreeConfig(evidence=1.0))
 NO_TEXT = np.zeros((1, DIM), np.float32)
 
@@ -37,7 +47,7 @@ def nodes_of(found: Found) -> list[str]:
 
 
 @settings(max_examples=30, deadline=None)
-@given(SEEDS, st.sampled_from(RETRIEVERS), st.booleans(), st.booleans(), st.integers(1, 60))
+@given(SEEDS, st.sampled_from((*RETRIEVERS, PROBABLE)), st.booleans(), st.booleans(), st.integers(1, 60))
 def test_hits_are_unique_sorted_in_range_and_no_more_than_asked(
     seed: int, retriever: object, located: bool, sensed: bool, top: int
 ) -> None:
@@ -131,6 +141,29 @@ def test_text_and_place_are_weighed() -> None:
     assert near.semantic == pytest.approx(float(embed(["bench"])[0] @ embed(["bench grass"])[0]), abs=1e-6)
     assert near.score == pytest.approx(0.75 * (near.semantic or 0) + 0.25 * (near.spatial or 0))
     assert hits["far"].semantic == pytest.approx(1.0, abs=1e-6)
+
+
+def test_how_location_counts_follows_from_what_the_scores_are() -> None:
+    chance, other = RetrieveConfig(retriever=TreeConfig(scores=RelevanceConfig())), RetrieveConfig()
+    assert (chance.form, chance.location_weight, chance.ranked(5, sensed=False)) == ("product", 0.6, None)
+    assert (other.form, other.location_weight, other.ranked(60, sensed=False)) == ("sum", 0.2, 60)
+    assert chance.ranked(5, sensed=True) == other.ranked(5, sensed=True) == 50  # sensors are added
+    assert RetrieveConfig(retriever=RelevanceConfig(), rescore=RescoreConfig()).form == "sum"
+    said = RetrieveConfig(retriever=RelevanceConfig(), location="sum", alpha_rank=0.3, pool=7)
+    assert (said.form, said.location_weight, said.ranked(5, sensed=False)) == ("sum", 0.3, 7)
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS)
+def test_what_is_known_does_not_depend_on_where_the_robot_stands(seed: int) -> None:
+    """A located descent passes by what is far; how sure the memory is of an answer stays. Asked alone or in company."""
+    corpus, (queries, vectors) = random_corpus(seed), random_queries(seed)
+    tree = TreeConfig(branches=1, evidence=1.0, scores=PROBABLE, located=True)
+    retriever = Retriever(corpus, RetrieveConfig(retriever=tree, alpha_rank=0.9))
+    some = [replace(query, at=HERE) if i % 2 else query for i, query in enumerate(queries)]
+    together, blind = retriever.retrieve(some, vectors), retriever.retrieve(queries, vectors)
+    assert together == [retriever.retrieve([q], v[None])[0] for q, v in zip(some, vectors, strict=True)]
+    assert [found.probability for found in together] == [found.probability for found in blind]
 
 
 def test_as_a_product_nearness_counts_for_what_answers() -> None:

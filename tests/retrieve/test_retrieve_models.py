@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from retrieve_worlds import embed
+from retrieve_worlds import corpus_of, embed
 from test_retrieve_tree import two_clusters
 
 from erag.core.errors import BadModelOutput, ConfigError
-from erag.core.types import Query
+from erag.core.types import Interval, Observation, Pose, Query
 from erag.lm.compose import compose
 from erag.lm.fake import Fake
 from erag.lm.roles import Generation, LMBackend, Prompt, Roles, SelectTask, TextKind, Vectors
@@ -153,6 +153,17 @@ def test_what_stands_on_the_map_by_its_name_is_not_put_to_the_model(kind: NodeCo
     asked = len(model.prompts)
     ask(corpus, RetrieveConfig(retriever=kind, expand=ExpandConfig(literal=False)), model, texts[0])
     assert len(model.prompts) == asked + 1
+
+
+def test_a_name_that_only_stands_outside_the_window_is_put_to_the_model() -> None:
+    seen = [("a", "bench", 0.0), ("b", "lamp", 100.0)]
+    corpus = corpus_of(
+        [Observation(id, "place", Pose(0, 0), caption=text, time=Interval(at, at + 1)) for id, text, at in seen]
+    )
+    config, model = RetrieveConfig(retriever=NodeConfig(), expand=ExpandConfig()), Model()
+    retriever = Retriever(corpus, config, backend=backend(model))
+    retriever.retrieve([Query("Find a bench."), Query("Find a bench.", since=50.0)], embed(["bench", "bench"]))
+    assert len(model.prompts) == 1
 
 
 def test_what_is_named_is_embedded_as_it_is_read() -> None:
