@@ -1,22 +1,36 @@
 """The students that come with the project play their roles with the code that is here."""
 
 import json
+from pathlib import Path
 
 import pytest
 
 from erag.lm.adapter import Adapter, AdapterConfig
 from erag.lm.checkpoints import shipped
+from erag.lm.cross import CrossEncoder, CrossEncoderConfig
+from erag.lm.merging import merge
 from erag.lm.roles import SelectTask
 from erag.lm.understanding import Understanding, UnderstandingConfig
 from erag.lm.weights import ModelStore
 from erag.retrieve.expand import asking
 
+CARDS = ("Sofa corner. Soft chairs to rest on.", "Copy room. A printer and paper.", "Kitchen. A sink and a fridge.")
+TASK = SelectTask("Where can I print my report on paper?", CARDS)
+
 
 @pytest.mark.parametrize("name", ["selector", "selector-without-0", "scorer"])
 def test_an_adapter_chooses_what_was_asked_for(weights: ModelStore, name: str) -> None:
-    cards = ("Sofa corner. Soft chairs to rest on.", "Copy room. A printer and paper.", "Kitchen. A sink and a fridge.")
-    adapter = Adapter(AdapterConfig(checkpoint=shipped(f"{name}.safetensors")), weights)
-    assert adapter.select([SelectTask("Where can I print my report on paper?", cards)], 1)[0] == [1]
+    assert Adapter(AdapterConfig(checkpoint=shipped(f"{name}.safetensors")), weights).select([TASK], 1)[0] == [1]
+
+
+def test_the_cross_encoder_chooses_what_was_asked_for(weights: ModelStore) -> None:
+    assert CrossEncoder(CrossEncoderConfig(), weights).select([TASK], 1)[0] == [1]
+
+
+def test_the_adapter_of_a_language_model_fits_the_model_it_was_taught_on(smollm2: ModelStore, tmp_path: Path) -> None:
+    """One taught on other weights would be refused."""
+    made = merge(shipped("lora.safetensors"), smollm2, tmp_path)
+    assert made.manifest.id == "smollm2-135m-understanding"
 
 
 def test_the_student_of_understanding_names_what_would_satisfy(weights: ModelStore) -> None:
