@@ -133,8 +133,24 @@ def validate(model: type[Model], raw: object, where: str) -> Model:
     try:
         return model.model_validate(raw)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        at = ".".join(str(part) for part in first["loc"])
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        shown = HIDDEN if secret_name(str(first["loc"][-1] if first["loc"] else "")) else _shown(first["input"])
-        raise ConfigError(f"{at} = {shown}: {first['msg']}{more}", where=where) from None
+        loc, given, said, others = _first_fault(error, raw)
+        at = ".".join(str(part) for part in loc)
+        more = f" (and {others} more)" if others else ""
+        shown = HIDDEN if secret_name(str(loc[-1] if loc else "")) else _shown(given)
+        raise ConfigError(f"{at} = {shown}: {said}{more}", where=where) from None
+
+
+def _first_fault(error: ValidationError, raw: object) -> tuple[tuple[int | str, ...], object, str, int]:
+    """Where the first fault is, the value there, what is said of it, and how many other faults there are.
+
+    Of a value that may be one of several things pydantic says for each why it is not that one: these are one fault.
+    """
+    faults = error.errors(include_url=False)
+    first = faults[0]
+    loc, whole = first["loc"], raw
+    for part in loc[:-1]:
+        whole = whole[part] if isinstance(whole, dict) and part in whole else None
+    if whole is None or whole is not first["input"]:
+        return loc, first["input"], first["msg"], len(faults) - 1
+    same = [f for f in faults if f["loc"][:-1] == loc[:-1]]
+    return loc[:-1], first["input"], ", or: ".join(f["msg"] for f in same), len(faults) - len(same)

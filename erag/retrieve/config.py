@@ -202,7 +202,7 @@ class RetrieveConfig(_Config):
     expand: ExpandConfig | None = None
     rescore: RescoreConfig | None = None
     conditions: bool = True
-    location: Form | Literal["auto"] = "auto"
+    location: Literal["auto", "sum", "product"] = "auto"
     alpha_rank: Share | Literal["auto"] = "auto"
     theta_rank: Positive | Literal["auto"] = "auto"
     sensor_weight: Share = 0.3

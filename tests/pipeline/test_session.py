@@ -1,6 +1,7 @@
 """The Python API in ten lines, and what it shares with the command line."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -126,6 +127,12 @@ def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> N
         ("a: [", (), "not YAML"),
         ("!!python/object/apply:os.system ['true']", (), "not YAML"),
         ("", ("forest.alpha=much",), "forest.alpha = 'much'"),
+        (
+            "",
+            ("retrieve.pool=0",),
+            "retrieve.pool = 0: Input should be greater than or equal to 1, or: Input should be",
+        ),
+        ("", ("retrieve.pool=0", "retrieve.alpha_rank=2"), " more)"),
         ("", ("forest",), "path=value"),
         ("", ("forest.alpha.x=1", "forest.alpha=1", "forest.alpha.x=2"), "holds a value"),
         ("", ("forest.alpha=[",), "not YAML"),
@@ -134,7 +141,7 @@ def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> N
 def test_bad_configurations_are_one_line(tmp_path: Path, text: str, overrides: tuple[str, ...], said: str) -> None:
     path = tmp_path / "c.yaml"
     path.write_text(text)
-    with pytest.raises(ConfigError, match=said.replace("[", r"\[")) as caught:
+    with pytest.raises(ConfigError, match=re.escape(said)) as caught:
         load_config(config=path, overrides=overrides)
     assert "\n" not in caught.value.line()
 
