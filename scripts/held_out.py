@@ -3,7 +3,7 @@
 python scripts/held_out.py [--preset tiny] [--worlds worlds] [--split test] [--leave sensor] [--set path=value]
 
 Memories hold the captions of the truth, positions and readings, and a forest without summaries; they are kept in
-experiments/bench-worlds. Prints P@1 with 95 % bootstrap intervals, by kind of query and whether it wishes for a
+experiments/bench-memories. Prints P@1 with 95 % bootstrap intervals, by kind of query and whether it wishes for a
 reading; and the share that is refused of the queries that nothing answers, asked by text alone.
 """
 
