@@ -109,7 +109,8 @@ class Memories:
 
     def nearest(self, read: Read, hits: Sequence[Hit]) -> Recalled | None:
         """For a thing nobody named: the latest of the places that come nearly as near to the question as the best."""
-        near = [h for h in hits if _likeness(h) >= _NEARLY * max(map(_likeness, hits))]
+        best = max(map(_likeness, hits), default=0.0)
+        near = [h for h in hits if _likeness(h) >= _NEARLY * best]
         rows = [self._corpus.topomap.row[h.node] for h in near]
         timed = [r for r in rows if np.isfinite(self._past.times[r])]
         if read.asked.aspect not in ("last", "ago") or not timed:

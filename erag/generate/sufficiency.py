@@ -11,7 +11,7 @@ from erag.core.text import word_set
 from erag.lm.roles import Vectors
 from erag.retrieve.corpus import Corpus
 from erag.retrieve.lexical import tokens
-from erag.retrieve.named import bearers
+from erag.retrieve.named import borne
 
 WORDS_WEIGHT = 0.3
 # What a request says besides what it is about.
@@ -43,7 +43,7 @@ class Sufficiency:
 
     def mentioned(self, text: str, eligible: npt.NDArray[np.bool_]) -> bool:
         """Whether a request names a thing, and one of the nodes `eligible` (n,) mentions it by that very name."""
-        return bool(eligible[bearers(self._corpus.index, text)].any())
+        return borne(self._corpus.index, text, eligible)
 
     def _covered(self, text: str, rows: npt.NDArray[np.int64]) -> float:
         asked = sorted({token for token in tokens(text) if token not in self._unasked})

@@ -150,7 +150,7 @@ def _first_fault(error: ValidationError, raw: object) -> tuple[tuple[int | str, 
     loc, whole = first["loc"], raw
     for part in loc[:-1]:
         whole = whole[part] if isinstance(whole, dict) and part in whole else None
-    if whole is None or whole is not first["input"]:
+    if first["type"] == "missing" or whole is None or whole is not first["input"]:
         return loc, first["input"], first["msg"], len(faults) - 1
     same = [f for f in faults if f["loc"][:-1] == loc[:-1]]
     return loc[:-1], first["input"], ", or: ".join(f["msg"] for f in same), len(faults) - len(same)

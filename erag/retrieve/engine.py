@@ -97,7 +97,9 @@ class Retriever:
             raise ConfigError("a language model is asked", where="retrieve", allowed="a backend with its roles")
         scorer = None if search else scorer_of(corpus, config, backend)
         self._nearness = Nearness(config.location_weight, config.form == "product")
-        self._search = search or search_of(corpus, config, backend, judge, scorer, self._nearness)
+        self._located = isinstance(config.retriever, TreeConfig) and config.retriever.located
+        nearness = self._nearness if self._located else None
+        self._search = search or search_of(corpus, config, backend, judge, scorer, nearness)
         self._conditions = conditions_of(corpus, config, scorer, backend)
         self._expander = Expander(backend, config.expand, corpus.index) if backend and config.expand else None
         self._apart = isinstance(scorer, RelevanceScorer)  # it reads what is named thing by thing, others as one text
@@ -174,8 +176,7 @@ class Retriever:
 
     def _spatial(self, ways: Sequence[_Way | None]) -> Floats | None:
         """(q, n), NaN where no place is known; None where none is, and for searches that do not look at it."""
-        kind = self._config.retriever
-        if not any(ways) or not isinstance(kind, TreeConfig) or not kind.located:
+        if not self._located or not any(ways):
             return None
         unknown = np.full(len(self._corpus.topomap), np.nan)
         return np.stack([unknown if way is None else way.spatial for way in ways])

@@ -15,7 +15,7 @@ from erag.lm.prompts import quoted
 from erag.lm.roles import Prompt, Writer
 from erag.retrieve.config import ExpandConfig
 from erag.retrieve.lexical import LexicalIndex
-from erag.retrieve.named import bearers
+from erag.retrieve.named import borne
 from erag.retrieve.scoring import NOT_FOUND, Batch, LeafScorer, Mask, Scores
 
 INSTRUCTION = (
@@ -65,7 +65,7 @@ class Expander:
         return replace(batch, named=each), named
 
     def _known_by_name(self, text: str, eligible: Mask) -> bool:
-        return self._index is not None and bool(eligible[bearers(self._index, text)].any())
+        return self._index is not None and borne(self._index, text, eligible)
 
     def _embedded(self, texts: Sequence[str]) -> Batch:
         """Texts with their vectors, zeros for empty ones."""

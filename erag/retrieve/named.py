@@ -8,6 +8,7 @@ from itertools import pairwise
 from erag.core.text import singular, word_set, words
 from erag.core.types import IntArray
 from erag.retrieve.lexical import LexicalIndex, content
+from erag.retrieve.scoring import Mask
 
 _NAMES = re.compile(
     r"\W*(?:please )?(?:find|show|take|guide|bring|lead|is there|are there|(?:i am |i'm )?looking for"
@@ -48,3 +49,8 @@ def named_thing(text: str) -> tuple[str, ...]:
 def bearers(index: LexicalIndex, text: str) -> IntArray:
     """The rows whose texts have the name by which a request calls what it wants; none where it gives no name."""
     return index.phrase_rows(named_thing(text))
+
+
+def borne(index: LexicalIndex, text: str, eligible: Mask) -> bool:
+    """Whether a node that is `eligible` (n,) has the name by which a request calls what it wants."""
+    return bool(eligible[bearers(index, text)].any())

@@ -71,7 +71,7 @@ def search_of(
 ) -> Search:
     """The search a configuration asks for; `judge` takes the decisions of a tree, `scorer` is what `scorer_of` gave.
 
-    By `nearness` a tree that is `located` looks at where a query is asked from.
+    By `nearness` a tree looks at where a query is asked from.
     """
     kind = config.retriever
     if isinstance(kind, CollapsedConfig):
@@ -86,8 +86,7 @@ def search_of(
     elif config.expand is not None:
         scorer = ExpandedScorer(scorer, config.expand.weight)
     if isinstance(kind, TreeConfig):
-        decider = _decider(corpus, kind, backend, judge)
-        return TreeSearch(corpus, kind, scorer, decider, nearness if kind.located else None)
+        return TreeSearch(corpus, kind, scorer, _decider(corpus, kind, backend, judge), nearness)
     return FlatSearch(scorer, int(corpus.searchable.sum()))
 
 

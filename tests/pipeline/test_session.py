@@ -8,6 +8,7 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
+from pydantic import BaseModel
 
 import erag
 from erag.core.errors import ConfigError, InputError
@@ -115,6 +116,17 @@ def test_every_shipped_configuration_is_valid_and_begins_with_its_command() -> N
         else:
             models = {"distil": AnyDistil, "quantise": AnyQuantise, "bench": BenchConfig, "compare": CompareConfig}
             validate(models[path.parent.name], read_yaml(path), str(path))
+
+
+def test_a_value_that_is_missing_is_named() -> None:
+    from erag.pipeline.config import validate
+
+    class Pair(BaseModel):
+        first: int
+        second: int
+
+    with pytest.raises(ConfigError, match=re.escape("first = {}: Field required (and 1 more)")):
+        validate(Pair, {}, "pair.yaml")
 
 
 @pytest.mark.parametrize(
