@@ -165,8 +165,8 @@ def merge(
     """Add an adapter to its model and write the result as GGUF, with manifests by which `import` takes it in."""
     from erag.core.cores import cores
     from erag.lm.checkpoints import shipped
-    from erag.lm.lora import SHIPPED
     from erag.lm.merging import WHOLE, merged
+    from erag.lm.torchlm.lora import SHIPPED
 
     forms: list[Format] = [one.value for one in form or ()] or [WHOLE]
     made = merged(adapter or shipped(SHIPPED), forms, _store(files), out, threads=cores())

@@ -6,11 +6,9 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from erag.core.errors import ModelError
-from erag.lm.checkpoints import read_header
 from erag.lm.llamacpp.config import Format
 from erag.lm.llamacpp.quantise import Source, keep_manifest, quantise, source_of, variants_store
-from erag.lm.lora import HEADER, REPAIR, LoraHeader, add, read_factors
+from erag.lm.torchlm.lora import Adapter, adapter_of, check_base
 from erag.lm.weights import Manifest, ModelStore
 from erag.lm.weights.digest import replace_durably, sha256_of
 from erag.lm.weights.fetch import need_space
@@ -36,13 +34,11 @@ def merged(
 
 def merge(adapter: Path, store: ModelStore, folder: Path) -> Source:
     """The F16 file of the model with the adapter merged in, unless it is there already and made of the same two."""
-    header = read_header(adapter, HEADER, LoraHeader, REPAIR, called="adapter of a language model")
-    base = source_of(store, header.base)
-    if base.manifest.fingerprint != header.weights:
-        what = f"was trained on {header.base} with the sha256 {header.weights}"
-        raise ModelError(what, where=str(adapter), allowed=base.manifest.fingerprint, repair=REPAIR)
+    taught = adapter_of(adapter)
+    header, base = taught.header, source_of(store, taught.header.base)
+    check_base(taught, base.manifest.fingerprint)
     made, name = variants_store(folder), f"{header.base}-{header.taught}"
-    note = _note(base, header, adapter)
+    note = _note(base, taught)
     there = (folder / "manifests" / f"{name}.yaml").is_file() and made.state(name) in ("verified", "present")
     if there and made.manifest(name).note == note:
         return source_of(made, name)
@@ -51,7 +47,7 @@ def merge(adapter: Path, store: ModelStore, folder: Path) -> Source:
     partial = target.with_suffix(f".{os.getpid()}.partial")
     partial.parent.mkdir(parents=True, exist_ok=True)
     try:
-        _write(base.path, adapter, header, partial)
+        _write(base.path, taught, partial)
         file = ModelFile(path=target.name, sha256=sha256_of(partial), bytes=partial.stat().st_size)
         replace_durably(partial, target)
     finally:
@@ -62,7 +58,7 @@ def merge(adapter: Path, store: ModelStore, folder: Path) -> Source:
     return source_of(variants_store(folder), name)
 
 
-def _write(base: Path, adapter: Path, header: LoraHeader, target: Path) -> None:
+def _write(base: Path, adapter: Adapter, target: Path) -> None:
     from erag.lm.torchlm.container import open_container
     from erag.lm.torchlm.export import write_gguf
     from erag.lm.torchlm.shape import shape_of
@@ -70,15 +66,15 @@ def _write(base: Path, adapter: Path, header: LoraHeader, target: Path) -> None:
 
     source = open_container(base)
     shape = shape_of(source)
-    factors = read_factors(adapter, header, shape)
     tensors = dequantised(source, shape, "float32")
-    add(tensors, factors, shape.layers, header.alpha / header.rank)
+    adapter.add_to(tensors, shape)
     write_gguf(source, shape, tensors, target)
 
 
-def _note(base: Source, header: LoraHeader, adapter: Path) -> str:
+def _note(base: Source, adapter: Adapter) -> str:
+    header, weights = adapter.header, base.manifest.fingerprint
     again = "" if base.whole else " The base was quantised before the adapter was trained on it."
     return (
-        f"{header.base}, sha256 {base.manifest.fingerprint}, with the adapter of sha256 {sha256_of(adapter)} merged in."
+        f"{header.base}, sha256 {weights}, with the adapter of sha256 {adapter.sha256} merged in."
         f"{again} {header.taught_by}"
     ).strip()

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import torch
 import torch.nn.functional as nnf
 
-from erag.lm.lora import DOWN, UP, factor_name, factor_sizes
 from erag.lm.torchlm.decoder import rotated, rotations
+from erag.lm.torchlm.lora import DOWN, UP, factor_name, factor_sizes
 from erag.lm.torchlm.shape import EMBEDDING, FINAL_NORM, HEAD, Shape
 
 Parts = Mapping[str, torch.Tensor]  # factors (layers, rank, …) in the precision of the products

@@ -14,13 +14,13 @@ from erag.core.text import content_hash
 from erag.lm.checkpoints import save
 from erag.lm.compose import compose
 from erag.lm.llamacpp.quantise import variants_store
-from erag.lm.lora import HEADER, LoraHeader
 from erag.lm.merging import merged
 from erag.lm.probe import choose_dtype
 from erag.lm.roles import Roles
 from erag.lm.textroles import TextRoles
 from erag.lm.torchlm import TorchLM, TorchLMConfig
 from erag.lm.torchlm.container import open_container
+from erag.lm.torchlm.lora import HEADER, LoraHeader
 from erag.lm.torchlm.shape import shape_of
 from erag.lm.torchlm.vocabulary import Vocabulary
 from erag.lm.torchlm.weights import dequantised, rope_factors

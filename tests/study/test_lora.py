@@ -25,13 +25,13 @@ from erag.core.errors import InputError, ModelError
 from erag.core.progress import quiet
 from erag.lm.checkpoints import load_tensors, save
 from erag.lm.fake import FakeConfig
-from erag.lm.lora import HEADER, LoraHeader, factor_sizes
 from erag.lm.merging import merge, merged
 from erag.lm.roles import Prompt
 from erag.lm.textmodel import Continuation
 from erag.lm.torchlm import TorchLM, TorchLMConfig
 from erag.lm.torchlm.cache import Buffers
 from erag.lm.torchlm.container import open_container
+from erag.lm.torchlm.lora import HEADER, LoraHeader, factor_sizes
 from erag.lm.torchlm.prefill import extend
 from erag.lm.torchlm.shape import shape_of
 from erag.lm.torchlm.vocabulary import Vocabulary
@@ -58,9 +58,10 @@ def network_of(store: ModelStore, model: str = "tiny") -> LowRank:
     return LowRank(shape, dequantised(file, shape, "float32"), RANK, ALPHA)
 
 
-def logits_of(store: ModelStore, model: str, tokens: list[int], cache: Path) -> torch.Tensor:
+def logits_of(store: ModelStore, model: str, tokens: list[int], cache: Path, lora: Path | None = None) -> torch.Tensor:
     """(t, v) by the engine that answers prompts."""
-    decoder = TorchLM(TorchLMConfig(model=model, dtype="float32"), store, cache=cache).generator().decoder
+    config = TorchLMConfig(model=model, dtype="float32", lora=lora)
+    decoder = TorchLM(config, store, cache=cache).generator().decoder
     with torch.inference_mode():
         room = Buffers(decoder.shape, decoder.dtype).cache(1, len(tokens))
         return decoder.logits(extend(decoder, room, [tokens], [range(len(tokens))]))
@@ -298,3 +299,30 @@ def test_the_same_bytes_after_kill_9(taught: tuple[LoraDistil, Report], store: M
     assert config.out.read_bytes() == taught[0].out.read_bytes()
     figures = [json.loads((work / "figures.json").read_text())["figures"] for work in (config.work, taught[0].work)]
     assert figures[0] == figures[1]
+
+
+def test_the_engine_merges_an_adapter_as_it_loads(tiny: Tiny, tmp_path: Path) -> None:
+    store, tokens, cache = tiny_store(tmp_path, tiny), list(range(5, 65)), tmp_path / "cache"
+    adapter = random_adapter(store, tmp_path / "a.safetensors")
+    network = network_of(store)
+    network.factors.load_state_dict({name: torch.from_numpy(f) for name, f in load_tensors(adapter, "").items()})
+    with torch.no_grad():
+        expected = network.logits(network(torch.tensor([], dtype=torch.long), torch.tensor([tokens])))[0]
+    before = logits_of(store, "tiny", tokens, cache)
+    for _ in "once, and again from the cache":
+        found = logits_of(store, "tiny", tokens, cache, lora=adapter)
+        assert (found - expected).abs().max() < 1e-4 * (before - expected).abs().max()
+    assert logits_of(store, "tiny", tokens, cache).equal(before)  # one cache does not stand for the other
+
+
+def test_a_model_with_an_adapter_is_another_model(store: ModelStore, tmp_path: Path) -> None:
+    plain = TorchLM(TorchLMConfig(model="tiny"), store)
+    some, other = (
+        TorchLM(TorchLMConfig(model="tiny", lora=random_adapter(store, tmp_path / name, alpha=alpha)), store)
+        for name, alpha in (("a.safetensors", ALPHA), ("b.safetensors", 2 * ALPHA))
+    )
+    assert len({model.identity("generate") for model in (plain, some, other)}) == 3
+    alien = random_adapter(store, tmp_path / "c.safetensors", weights="0" * 64)
+    for path, said in ((alien, "was trained on tiny"), (tmp_path / "none.safetensors", "no such checkpoint")):
+        with pytest.raises(ModelError, match=said):
+            TorchLM(TorchLMConfig(model="tiny", lora=path), store).identity("generate")

@@ -24,6 +24,7 @@ from erag.lm.torchlm.decoder import Decoder
 from erag.lm.torchlm.generating import Generator, Request
 from erag.lm.torchlm.kernels import KernelsWish, choose_kernels
 from erag.lm.torchlm.lexicon import Lexicon
+from erag.lm.torchlm.lora import Adapter, adapter_of, check_base
 from erag.lm.torchlm.plan import Limits, Tokens
 from erag.lm.torchlm.schema import compile_schema
 from erag.lm.torchlm.scoring import Due, Scorer
@@ -46,6 +47,7 @@ class TorchLMConfig(BaseModel):
 
     kind: Literal["torchlm"] = "torchlm"
     model: str = "smollm2-135m"
+    lora: Path | None = Field(None, description="an adapter of `erag distil` that was trained on this model")
     dtype: DtypeWish = "auto"
     kernels: KernelsWish = "auto"
     context: int = Field(4096, ge=64, le=131_072, description="tokens of a prompt and its answer; at most the model's")
@@ -80,10 +82,13 @@ class TorchLM(LocalModel[TorchLMConfig]):
         super().__init__(config, store, ledger)
         self._dtype, self._kernels = choose_dtype(config.dtype), choose_kernels(config.kernels)
         self._cache = cache
+        self._taught: Adapter | None = None
         self._loaded: _Loaded | None = None
 
     def _stated(self) -> Mapping[str, Any]:
-        return {"kind": "torchlm", "rules": RULES, "weights": self._store.fingerprint(self._config.model)}
+        taught = self._adapter()
+        weights = self._store.fingerprint(self._config.model)
+        return {"kind": "torchlm", "rules": RULES, "weights": weights, **({"lora": taught.sha256} if taught else {})}
 
     def _runtime(self) -> Mapping[str, Any]:
         config = self._config
@@ -165,6 +170,14 @@ class TorchLM(LocalModel[TorchLMConfig]):
         cut = [(CUT_TEXTS, sum(w.truncated for w in writers)), (CUT_STRINGS, sum(w.cut for w in writers))]
         self._ledger.events.update({event: times for event, times in cut if times})
 
+    def _adapter(self) -> Adapter | None:
+        """The adapter to be merged in. Raises ModelError for a file that is none, or of other weights."""
+        if self._taught is None and self._config.lora is not None:
+            found = adapter_of(self._config.lora)
+            check_base(found, self._store.fingerprint(self._config.model))
+            self._taught = found
+        return self._taught
+
     def _load(self) -> _Loaded:
         if self._loaded is None:
             self._loaded = self._read()
@@ -174,7 +187,7 @@ class TorchLM(LocalModel[TorchLMConfig]):
         file = open_container(self._store.path(self._config.model))
         shape, vocabulary = shape_of(file), Vocabulary(file)
         folder = self._cache or cache_folder()
-        cache = WeightCache(folder, self._store.fingerprint(self._config.model), self._dtype)
+        cache = WeightCache(folder, self._store.fingerprint(self._config.model), self._dtype, self._adapter())
         decoder = Decoder(shape, cache.load(file, shape, self._ledger), self._kernels, rope_factors(file))
         limits = Limits(self._config.batch_size, self._config.batch_cells)
         context = min(self._config.context, shape.context)

@@ -18,6 +18,7 @@ from erag.core.errors import ModelError
 from erag.lm.ledger import Ledger
 from erag.lm.probe import Dtype
 from erag.lm.torchlm.container import Container, TensorEntry
+from erag.lm.torchlm.lora import Adapter
 from erag.lm.torchlm.shape import ROPE_FACTORS, Shape
 from erag.lm.weights.digest import Stamp, replace_durably, sha256_of, write_durably
 
@@ -43,15 +44,17 @@ class _Record(BaseModel):
 
 @dataclass(frozen=True)
 class WeightCache:
-    """Where the tensors of one GGUF file (by its sha256) in one dtype are kept."""
+    """Where the tensors of one GGUF file (by its sha256) in one dtype are kept, with an adapter merged in or none."""
 
     folder: Path
     sha256: str
     dtype: Dtype
+    adapter: Adapter | None = None
 
     @property
     def file(self) -> Path:
-        return self.folder / f"{self.sha256}-{self.dtype}.safetensors"
+        taught = f"-{self.adapter.sha256}" if self.adapter else ""
+        return self.folder / f"{self.sha256}{taught}-{self.dtype}.safetensors"
 
     @property
     def record(self) -> Path:
@@ -61,18 +64,27 @@ class WeightCache:
         """The tensors by GGUF name, q and k ordered for rotating neighbouring pairs.
 
         From the cache where it is whole (a damaged one is counted in `ledger` and made anew), else dequantised. Raises
-        ModelError when the GGUF holds a tensor that cannot be dequantised.
+        ModelError when the GGUF holds a tensor that cannot be dequantised, or the adapter does not fit it.
         """
         if self.file.exists():
             tensors = self._read(shape)
             if tensors is not None:
                 return tensors
             ledger.events[REBUILT] += 1
-        tensors = dequantised(source, shape, self.dtype)
+        tensors = self._made(source, shape)
         if self._keep(tensors):
             return self._read(shape) or tensors  # backed by the file, so that memory is not held twice
         ledger.events[NOT_KEPT] += 1
         return tensors
+
+    def _made(self, source: Container, shape: Shape) -> dict[str, torch.Tensor]:
+        import torch
+
+        if self.adapter is None:
+            return dequantised(source, shape, self.dtype)
+        tensors = dequantised(source, shape, "float32")
+        self.adapter.add_to(tensors, shape)
+        return {name: tensor.to(getattr(torch, self.dtype)) for name, tensor in tensors.items()}
 
     def _read(self, shape: Shape) -> dict[str, torch.Tensor] | None:
         from safetensors import SafetensorError, safe_open
@@ -123,7 +135,8 @@ class WeightCache:
 
     @property
     def _source(self) -> str:
-        return json.dumps([LAYOUT, self.sha256, self.dtype])
+        taught = [self.adapter.sha256] if self.adapter else []
+        return json.dumps([LAYOUT, self.sha256, self.dtype, *taught])
 
 
 def cache_folder() -> Path:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from erag.core.errors import ModelError
-from erag.lm.checkpoints import load_tensors
+from erag.lm.checkpoints import load_tensors, read_header
 from erag.lm.torchlm.shape import Shape
+from erag.lm.weights.digest import sha256_of
 
 if TYPE_CHECKING:
     import torch
@@ -36,6 +38,33 @@ class LoraHeader(BaseModel):
     rank: int = Field(ge=1, le=512)
     alpha: float = Field(gt=0, allow_inf_nan=False)
     taught_by: str = Field("", max_length=500)
+
+
+@dataclass(frozen=True, slots=True)
+class Adapter:
+    """An adapter in a file that was read as far as its header."""
+
+    path: Path
+    header: LoraHeader
+    sha256: str
+
+    def add_to(self, tensors: Mapping[str, torch.Tensor], shape: Shape) -> None:
+        """Change the float32 weights of the model, in place. Raises ModelError where the factors do not fit them."""
+        factors = read_factors(self.path, self.header, shape)
+        add(tensors, factors, shape.layers, self.header.alpha / self.header.rank)
+
+
+def adapter_of(path: Path) -> Adapter:
+    """The adapter in a file. Raises ModelError for a file that is none."""
+    header = read_header(path, HEADER, LoraHeader, REPAIR, called="adapter of a language model")
+    return Adapter(path, header, sha256_of(path))
+
+
+def check_base(adapter: Adapter, fingerprint: str) -> None:
+    """Raise ModelError where an adapter was trained on other weights than those of this sha256."""
+    if adapter.header.weights != fingerprint:
+        what = f"was trained on {adapter.header.base} with the sha256 {adapter.header.weights}"
+        raise ModelError(what, where=str(adapter.path), allowed=fingerprint, repair=REPAIR)
 
 
 def factor_name(projection: str, side: str) -> str:
