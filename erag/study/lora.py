@@ -117,7 +117,7 @@ def _task(config: LoraTask, store: ModelStore, progress: Progress) -> Task:
         case ChoosingTask():
             return Choosing(config)
         case TellingTask():
-            return Telling(config, store)
+            return Telling(config, store, progress)
         case NamingTask():
             return Naming(config, store, progress)
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from erag.lm.adapter import EmbedderConfig
+from erag.lm.config import ModelConfig
 from erag.lm.llamacpp.config import Format
 from erag.lm.probe import DtypeWish
 from erag.lm.sentence import SentenceConfig
@@ -36,16 +37,36 @@ class ChoosingTask(_Config):
     split: Literal["questions", "sets"] = "questions"
 
 
+class Places(_Config):
+    """Simulated worlds with true captions, rendered where they are missing, whose clusters `teacher` summarises.
+
+    Only words are wanted of them, so that their images may be small (`pixels`, width and height).
+    """
+
+    teacher: ModelConfig
+    worlds: tuple[str, ...] = Field(min_length=2)
+    seed: int = 0
+    pixels: tuple[int, int] = (160, 120)
+    folder: Path = Path("experiments/distil/summaries")
+
+
 class TellingTask(_Config):
     """Summaries of clusters: the `summarise` calls that memory files have recorded, whoever answered them.
 
-    Each memory is a place, and places are left out whole.
+    The memories are those of `memories` and of `places`. Each is a place, and places are left out whole.
     """
 
     kind: Literal["summarise"]
-    memories: tuple[Path, ...] = Field(min_length=2)
+    memories: tuple[Path, ...] = ()
+    places: Places | None = None
     embedder: EmbedderConfig = SentenceConfig(dtype="float32")
     vectors: Path = Field(Path("experiments/distil/summaries/vectors"), description="where vectors of texts are kept")
+
+    @model_validator(mode="after")
+    def _taught(self) -> TellingTask:
+        if len(self.memories) + len(self.places.worlds if self.places else ()) < 2:
+            raise ValueError("fewer than two places: name two of `memories`, or two of the worlds of `places`")
+        return self
 
 
 LoraTask = Annotated[NamingTask | ChoosingTask | TellingTask, Field(discriminator="kind")]

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from erag.core.errors import InputError
+from erag.core.progress import Progress, quiet
 from erag.core.types import IntArray
 from erag.evaluate.statistics import Interval, clustered_bootstrap
 from erag.forest.terms import mentions
@@ -19,6 +20,7 @@ from erag.lm.textroles import TextRolesConfig
 from erag.lm.weights import ModelStore
 from erag.study.lessons import Answer, Lesson
 from erag.study.loraconfig import TellingTask
+from erag.study.places import summarised
 from erag.study.vectors import KeptVectors
 
 TOLD, STRANGE, NEAR = "listed things told", "words in no list", "cosine to the teacher's summary"
@@ -26,15 +28,20 @@ _PARTS = re.compile(r"[,;]")
 
 
 class Telling:
-    """Recorded summaries of clusters with facts, read at construction; those of one memory, a place, are one group."""
+    """Recorded summaries of clusters with facts; those of one memory, a place, are one group.
+
+    They are read at construction, once the teacher has summarised the places that the configuration names.
+    """
 
     role: RoleName = "summarise"
     text = TextRolesConfig()
 
-    def __init__(self, config: TellingTask, store: ModelStore) -> None:
-        some = [item for path in config.memories for item in _recorded(path)]
+    def __init__(self, config: TellingTask, store: ModelStore, progress: Progress = quiet) -> None:
+        made = [] if config.places is None else summarised(config.places, store, progress)
+        memories = [*config.memories, *made]
+        some = [item for path in memories for item in _recorded(path)]
         if not some:
-            raise InputError("no summary is recorded", where=", ".join(map(str, config.memories)), repair="erag build")
+            raise InputError("no summary is recorded", where=", ".join(map(str, memories)), repair="erag build")
         self._embed = KeptVectors(embedder_of(config.embedder, store), config.vectors)
         self._groups = [group for _, group, _ in some]
         self.groups = [place for place, _, _ in some]

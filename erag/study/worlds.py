@@ -58,15 +58,17 @@ def read_worlds(folder: Path) -> Mapping[str, list[Example]]:
 
 def render(
     folder: Path, worlds: Sequence[str], seed: int, progress: Progress = quiet, *, objects: bool = True,
-    captions: Literal["none", "truth"] = "none",
+    captions: Literal["none", "truth"] = "none", size: tuple[int, int] | None = None,
 ) -> None:  # fmt: skip
     """Make the data set of some worlds (none: all) from a seed; what is there already stays as it is.
 
-    `objects` become nodes of their own; frames have no captions, or true ones. Raises ConfigError where the simulator
+    `objects` become nodes of their own; frames have no captions, or true ones; `size` are their width and height in
+    pixels, else the data set's own. Raises ConfigError where the simulator
     is not installed or knows no such world.
     """
     dataset = simulator("dataset")
-    plan = dataset.Plan(worlds=tuple(worlds), seed=seed, objects=objects, captions=captions)
+    sized = {} if size is None else {"size": simulator("camera").Size(*size)}
+    plan = dataset.Plan(worlds=tuple(worlds), seed=seed, objects=objects, captions=captions, **sized)
     dataset.build(folder, plan, progress, jobs=cores())
 
 

@@ -1,0 +1,45 @@
+"""Places whose clusters a teacher summarises: simulated worlds as memories, in the words of the ground truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from erag.bench.config import MemoryBench
+from erag.bench.retrieval import built
+from erag.core.progress import Progress, quiet
+from erag.core.text import content_hash
+from erag.lm.config import build_backend
+from erag.lm.weights import ModelStore
+from erag.pipeline.config import PipelineConfig, load_config
+from erag.study.loraconfig import Places
+from erag.study.worlds import render
+
+_TEACHER = "teacher"
+
+
+def summarised(config: Places, store: ModelStore, progress: Progress = quiet) -> list[Path]:
+    """Memories of the worlds, every cluster of which the teacher has summarised; what is there already is kept.
+
+    Raises ConfigError where the simulator is not installed or knows no such world.
+    """
+    worlds = config.folder / "worlds"
+    if not all((worlds / "truth" / f"{name}.jsonl").is_file() for name in config.worlds):
+        render(worlds, config.worlds, config.seed, progress, objects=False, captions="truth", size=config.pixels)
+    pipeline = _pipeline(config)
+    key = content_hash(build_backend(pipeline.backend, store).fingerprint("summarise")).hex()[:12]
+    memories = []
+    for done, name in enumerate(config.worlds):
+        progress("worlds summarised", done, len(config.worlds))
+        memory = config.folder / key / f"{name}.erag"
+        built(MemoryBench(source=str(worlds / "worlds" / name), memory=memory, pipeline=pipeline), store, progress)
+        memories.append(memory)
+    progress("worlds summarised", len(config.worlds), len(config.worlds))
+    return memories
+
+
+def _pipeline(config: Places) -> PipelineConfig:
+    """The preset `tiny`, its summaries by the teacher."""
+    base = load_config("tiny")
+    models = {**base.backend.models, _TEACHER: config.teacher}
+    roles = {**base.backend.roles, "summarise": _TEACHER}
+    return base.model_copy(update={"backend": base.backend.model_copy(update={"models": models, "roles": roles})})
