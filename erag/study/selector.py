@@ -17,8 +17,9 @@ from erag.lm.offline import go_offline
 from erag.lm.roles import SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import platt
+from erag.study.ceiling import Learnt, learning_curve
 from erag.study.decisions import Decision
-from erag.study.pairs import Table, table
+from erag.study.pairs import Table, folds, table
 from erag.study.standing import (
     QUESTIONS,
     Floats,
@@ -65,8 +66,10 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     figures = stand(config, {name: {STUDENT: own} for name, own in unseen.items()}, decisions, data, store)
     speed = _speed(config, store, decisions)
     clock.append(time.perf_counter())
-    stages = dict(zip(("embed", "folds", "train", "judge"), np.diff(clock).tolist(), strict=True))
-    return written(config, decisions, data, figures, speed, stages, lambda report: selector_card(config, report))
+    curve = run.curve(decisions)
+    clock.append(time.perf_counter())
+    stages = dict(zip(("embed", "folds", "train", "judge", "curve"), np.diff(clock).tolist(), strict=True))
+    return written(config, decisions, data, figures, speed, stages, lambda report: selector_card(config, report), curve)
 
 
 class Run:
@@ -94,14 +97,26 @@ class Run:
 
     def left_out(self, name: str, groups: Sequence[str]) -> Floats:
         """(n, m) logits of every decision by an adapter that has seen nothing of its group."""
+        return left_out(
+            groups, self._config.folds, self._config.training.seed,
+            lambda number, rows, out: self._judged(f"{name} {number}", rows, out),
+        )  # fmt: skip
+
+    def curve(self, decisions: Sequence[Decision]) -> list[Learnt]:
+        """What adapters that were taught fewer questions do on those left out."""
+        config = self._config
+        fold = folds([d.query for d in decisions], config.folds, config.training.seed).tolist()
+        return learning_curve(
+            config.curve, decisions, fold, config.resamples, config.training.seed,
+            self._judged,
+        )  # fmt: skip
+
+    def _judged(self, name: str, rows: list[int], out: list[int]) -> Floats:
+        """Logits of the decisions `out` by an adapter that was taught the decisions `rows`."""
         from erag.study.adapting import predicted
 
-        def judged(number: int, rows: list[int], out: list[int]) -> Floats:
-            network = self.trained(f"{name} {number}", rows)
-            found: Floats = predicted(network, self._data, out).double().numpy()  # type: ignore[arg-type]
-            return found
-
-        return left_out(groups, self._config.folds, self._config.training.seed, judged)
+        found: Floats = predicted(self.trained(name, rows), self._data, out).double().numpy()  # type: ignore[arg-type]
+        return found
 
 
 def _digests(data: Table) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from erag.evaluate.statistics import Interval
@@ -10,6 +10,7 @@ from erag.lm.fake import FakeConfig
 from erag.lm.sentence import SentenceConfig
 
 if TYPE_CHECKING:
+    from erag.study.ceiling import Learnt, Steadiness
     from erag.study.standing import Report
     from erag.study.textconfig import AdapterDistil, ChoiceDistil, CrossDistil, TextTraining, UnderstandingDistil
     from erag.study.understanding import Report as UnderstandingReport
@@ -64,10 +65,42 @@ habits in *this* building were learnt. Only the second one says what to expect i
 
 {_table("scorer", report.area)}
 
-## Time
+{_bounds(report)}## Time
 
 {"; ".join(f"{value:.2f} ms a decision, {name}" for name, value in report.milliseconds.items())}
 (one at a time, median).
+"""
+
+
+def _bounds(report: Report) -> str:
+    """What agreement could be at most, as far as the decisions tell."""
+    return f"{_steady(report.steadiness)}{_curve(report.curve)}"
+
+
+def _steady(found: Sequence[Steadiness]) -> str:
+    rows = "\n".join(f"| {one.least:g} to {one.most:g} | {one.pairs:,} | {one.same:.3f} |" for one in found)
+    return f"""## How steady the teacher is
+
+Pairs of different questions about the same cards: how often the teacher chose the same for both. Where the share no
+longer rises with the cosine, what is missing is the teacher's own unsteadiness, which no student can learn.
+
+| cosine of the questions | pairs | chosen the same |
+|---|---:|---|
+{rows}
+
+"""
+
+
+def _curve(found: Sequence[Learnt]) -> str:
+    if not found:
+        return ""
+    rows = "\n".join(f"| {one.questions} | {_precise(one.agreement)} |" for one in found)
+    return f"""## What more questions bring
+
+| questions taught | agreement on unseen questions |
+|---:|---|
+{rows}
+
 """
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -76,9 +76,13 @@ class AdapterShape(_Config):
 
 
 class AdapterDistil(AdapterShape, ChoiceDistil):
-    """An adapter on frozen embeddings of `embedder`."""
+    """An adapter on frozen embeddings of `embedder`.
+
+    For each number of questions of `curve` adapters are taught and judged as well, a fold at a time.
+    """
 
     kind: Literal["selector", "scorer"]
+    curve: tuple[Annotated[int, Field(ge=1)], ...] = ()
     work: Path = Path("experiments/distil/selector")
     out: Path = Path("checkpoints/selector.safetensors")
 

@@ -49,6 +49,7 @@ def _config(chats: Path, out: Path) -> AdapterDistil:
         kind="selector", decisions=(ChatDecisions(kind="chats", paths=(chats,)),), taught_by="Taught by a rule.",
         embedder=FakeConfig(dim=96), rank=16, members=2, folds=3, work=out / "work", out=out / "selector.safetensors",
         training=TextTraining(epochs=12, batch_size=16, rate=1e-2, dropout=0.1, wandb=False), resamples=50,
+        curve=(4, 20),
     )  # fmt: skip
 
 
@@ -82,6 +83,36 @@ def test_the_card_says_what_was_measured_and_whose_choices_it_learnt(taught: tup
     assert f"{report.sets} sets of one" in card
     figures = json.loads((config.work / "figures.json").read_text())
     assert figures["agreement"][QUESTIONS][STUDENT]["mean"] == report.agreement[QUESTIONS][STUDENT].mean
+
+
+def test_the_card_says_how_steady_the_teacher_is_and_what_more_questions_bring(
+    taught: tuple[AdapterDistil, Report],
+) -> None:
+    config, report = taught
+    assert [one.questions for one in report.curve] == [4, 20]
+    few, many = (one.agreement.mean for one in report.curve)
+    assert few < many <= report.agreement[QUESTIONS][STUDENT].mean + 0.05
+    card = config.out.with_suffix(".md").read_text()
+    assert f"| 4 | {few:.3f} [" in card
+    assert "## How steady the teacher is" in card
+
+
+def test_a_steady_teacher_chooses_the_same_for_questions_that_say_the_same() -> None:
+    from erag.lm.adapter import embedder_of
+    from erag.study.ceiling import steadiness
+    from erag.study.decisions import Decision
+    from erag.study.pairs import table
+
+    cards = ("a sofa", "a clock")
+    asked = ("where is one to sit down now", "where is one to sit down now please", "when does the train leave today")
+    steady = [Decision(query, cards, chosen) for query, chosen in zip(asked, (0, 0, 1), strict=True)]
+    torn = [*steady[:1], Decision(asked[1], cards, 1), steady[2]]
+    other = [*steady[:1], Decision(asked[1], cards[::-1], 0)]  # of other cards, as far as anybody knows
+    embed = lambda texts: embedder_of(FakeConfig(dim=96), None).embed(texts, "document")  # type: ignore[arg-type] # noqa: E731
+    found, broken, none = (steadiness(some, table(some, embed)) for some in (steady, torn, other))
+    assert [(one.pairs, one.same) for one in found if one.least >= 0.9] == [(1, 1.0)]
+    assert [(one.pairs, one.same) for one in broken if one.least >= 0.9] == [(1, 0.0)]
+    assert none == []
 
 
 def _adapter(config: AdapterDistil, store: ModelStore, **more: object) -> Adapter:
