@@ -154,22 +154,17 @@ class Form(enum.StrEnum):
 
 @app.command()
 def merge(
+    adapter: Annotated[Path, typer.Argument(metavar="ADAPTER", help="Of `erag distil` (kind: lora).")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="where files and manifests are written")],
-    adapter: Annotated[
-        Path | None,
-        typer.Argument(metavar="ADAPTER", help="Of `erag distil`; else the one that comes with the project."),
-    ] = None,
     form: Annotated[list[Form] | None, typer.Option(help="GGUF formats; all but f16 need llama.cpp.")] = None,
     files: Files = None,
 ) -> None:
     """Add an adapter to its model and write the result as GGUF, with manifests by which `import` takes it in."""
     from erag.core.cores import cores
-    from erag.lm.checkpoints import shipped
     from erag.lm.merging import WHOLE, merged
-    from erag.lm.torchlm.lora import SHIPPED
 
     forms: list[Format] = [one.value for one in form or ()] or [WHOLE]
-    made = merged(adapter or shipped(SHIPPED), forms, _store(files), out, threads=cores())
+    made = merged(adapter, forms, _store(files), out, threads=cores())
     for manifest in made.values():
         path = out / "files" / manifest.id / manifest.files[0].path
         typer.echo(f"{manifest.id}: {_size(manifest.bytes)}, {path}, {out / 'manifests' / manifest.id}.yaml")

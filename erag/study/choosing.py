@@ -21,6 +21,7 @@ class Choosing:
 
     role: RoleName = "select"
     text = TextRolesConfig(selector="yes_no", scorer="yes_no")
+    quotable = False
 
     def __init__(self, config: ChoosingTask) -> None:
         self._decisions = read_decisions(config.decisions)

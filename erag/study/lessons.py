@@ -43,6 +43,11 @@ class Task(Protocol):
     def groups(self) -> Sequence[str]: ...
 
     @property
+    def quotable(self) -> bool:
+        """Whether a card may quote items: data that others published may not be passed on."""
+        ...
+
+    @property
     def asked(self) -> Sequence[str]:
         """(n,) what an example shows of each item."""
         ...

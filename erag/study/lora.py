@@ -138,7 +138,7 @@ def _figures(
 def _examples(
     task: Task, rows: Sequence[int], before: Sequence[Answer], after: Sequence[Answer]
 ) -> list[tuple[str, str, str, str]]:
-    some = range(0, len(rows), max(1, len(rows) // _EXAMPLES))
+    some = range(0, len(rows) if task.quotable else 0, max(1, len(rows) // _EXAMPLES))
     return [
         (task.asked[rows[i]], ", ".join(task.taught[rows[i]]), ", ".join(before[i]), ", ".join(after[i])) for i in some
     ]

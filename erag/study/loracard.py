@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from erag.study.lora import Report
     from erag.study.loraconfig import LoraDistil
+
+_CELL = 160  # characters of an example
 
 
 def lora_card(config: LoraDistil, report: Report) -> str:
@@ -19,7 +22,6 @@ def lora_card(config: LoraDistil, report: Report) -> str:
     table = "\n".join(
         [f"| answered by | items | {' | '.join(columns)} | file |", f"|---|---:|{'---|' * (len(columns) + 1)}", *rows]
     )
-    shown = "\n".join(f"| {' | '.join(part.replace('|', '/') for part in example)} |" for example in report.examples)
     training = config.training
     left_out = "each left out once" if config.judged == config.folds else f"of which {config.judged} left out"
     return f"""# {config.out.stem}
@@ -40,11 +42,23 @@ seed {training.seed}).
 seen nothing of their groups, rounded and merged as the shipped one. 95 % intervals are over groups.
 
 {table}
+{_examples(config, report)}"""
 
+
+def _examples(config: LoraDistil, report: Report) -> str:
+    if not report.examples:
+        return ""
+    rows = "\n".join(f"| {' | '.join(map(_cell, example))} |" for example in report.examples)
+    return f"""
 | asked | teacher | {config.base}, untaught | student, not having seen the group |
 |---|---|---|---|
-{shown}
+{rows}
 """
+
+
+def _cell(text: str) -> str:
+    """A text for a table: what is longer is cut."""
+    return shorten(text.replace("|", "/"), _CELL, placeholder=" …")
 
 
 def _size(report: Report, way: str) -> str:

@@ -104,7 +104,7 @@ class LoraDistil(_Config):
     judged: int = Field(5, ge=1, le=20)
     forms: tuple[Format, ...] = Field(("f16",), min_length=1)
     work: Path = Path("experiments/distil/lora")
-    out: Path = Path("checkpoints/lora.safetensors")
+    out: Path = Path("checkpoints/lora-understanding.safetensors")
     training: LoraTraining = LoraTraining()
     resamples: int = Field(2000, ge=10, description="of the bootstrap over groups")
 

@@ -36,6 +36,7 @@ class Naming:
 
     role: RoleName = "generate"
     text = TextRolesConfig()
+    quotable = True
 
     def __init__(self, config: NamingTask, store: ModelStore, progress: Progress) -> None:
         self._config = config

@@ -35,6 +35,7 @@ class Telling:
 
     role: RoleName = "summarise"
     text = TextRolesConfig()
+    quotable = True
 
     def __init__(self, config: TellingTask, store: ModelStore, progress: Progress = quiet) -> None:
         made = [] if config.places is None else summarised(config.places, store, progress)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,7 @@ from erag.study.choosing import AGREES, Choosing
 from erag.study.decisions import ChatDecisions
 from erag.study.lessons import Lesson, drill
 from erag.study.lora import Report, distil
+from erag.study.loracard import lora_card
 from erag.study.loraconfig import ChoosingTask, LoraDistil, LoraTraining, NamingTask
 from erag.study.lowrank import LowRank
 from erag.study.naming import EMBEDDING, Naming
@@ -200,6 +202,7 @@ def test_decisions_become_questions_about_each_card(tmp_path: Path) -> None:
     task = Choosing(ChoosingTask(kind="select", decisions=(source,)))
     assert [lesson.answer for lesson in task.lessons(1)] == ["No", "Yes", "No"]
     assert [lesson.answer for lesson in task.lessons(2)] == ["Yes", "No", "No"]  # the copy of the card counts as it
+    assert not task.quotable
     assert "a y please" in task.lessons(1)[0].messages[0][1]
     answers = task.answers(Fake(), [0, 1, 2])  # type: ignore[arg-type]
     assert task.figures([0, 1, 2], task.taught, 20)[AGREES].mean == 1
@@ -274,6 +277,11 @@ def test_the_card_has_the_figures_of_items_left_out(taught: tuple[LoraDistil, Re
     assert report.figures["this student, F16"][FOUND].shown(3) in card
     assert "3 folds of groups, of which 1 left out" in card
     assert not list(config.work.rglob("*.gguf"))
+    asked = report.examples[0][0]
+    assert asked in card
+    silent = lora_card(config, replace(report, examples=()))  # of decisions that others published
+    assert asked not in silent
+    assert "| asked |" not in silent
 
 
 def test_the_same_bytes_after_kill_9(taught: tuple[LoraDistil, Report], store: ModelStore, tmp_path: Path) -> None:

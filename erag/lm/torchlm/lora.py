@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     import torch
 
 HEADER = "lora"
-SHIPPED = "lora.safetensors"
-REPAIR = "erag distil --config configs/distil/lora.yaml"
+REPAIR = "erag distil --config C.yaml, one of configs/distil/lora-*.yaml"
 PROJECTIONS = ("attn_q", "attn_k", "attn_v", "attn_output", "ffn_gate", "ffn_up", "ffn_down")
 DOWN, UP = "down", "up"
 
