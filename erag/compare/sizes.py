@@ -43,12 +43,20 @@ def _files(model: BaseModel, store: ModelStore) -> Iterator[tuple[Path, int]]:
         if isinstance(model, CrossEncoderConfig) and checkpoint.is_file():
             yield from _stored(cross.header_of(checkpoint).base, store)
     for value in (getattr(model, name) for name in type(model).model_fields):
-        if isinstance(value, str):
-            yield from _stored(value, store)
-        elif isinstance(value, Path):
-            yield from _sized(value)
-        elif isinstance(value, BaseModel):
-            yield from _files(value, store)
+        yield from _within(value, store)
+
+
+def _within(value: object, store: ModelStore) -> Iterator[tuple[Path, int]]:
+    """Of a setting: the model it names, the file it says, the models it holds."""
+    if isinstance(value, str):
+        yield from _stored(value, store)
+    elif isinstance(value, Path):
+        yield from _sized(value)
+    elif isinstance(value, BaseModel):
+        yield from _files(value, store)
+    elif isinstance(value, tuple):
+        for one in value:
+            yield from _within(one, store)
 
 
 def _stored(name: str, store: ModelStore) -> Iterator[tuple[Path, int]]:

@@ -16,7 +16,8 @@ from erag.lm.adapter_header import RULES, AdapterHeader, head, parts, stems
 from erag.lm.checkpoints import check_embedder, load_into, read_header, shipped
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.ledger import Ledger
-from erag.lm.roles import RoleName, SelectTask, Vectors
+from erag.lm.odds import Chooser, Pair
+from erag.lm.roles import RoleName, Vectors
 from erag.lm.sentence import SentenceConfig, SentenceEmbedder
 from erag.lm.weights import ModelStore
 
@@ -29,7 +30,6 @@ HEADER = "adapter"
 SHIPPED = "selector.safetensors"
 REPAIR = "erag distil --config configs/distil/selector.yaml"
 Embed = Callable[[Sequence[str]], Vectors]
-Pair = tuple[str, str]  # (query, card)
 AnyEmbedder = SentenceEmbedder | Fake
 
 
@@ -92,18 +92,6 @@ def cards(texts: Sequence[str], embed: Embed) -> dict[str, Text]:
     }
 
 
-def best_first(tasks: Sequence[SelectTask], logits: Vectors, k: int) -> list[list[int]]:
-    """What is selected by the logits (p,) of the cards of all tasks, one after the other; equal ones by their text."""
-    ends = np.cumsum([len(task.cards) for task in tasks])[:-1]
-    found = zip(tasks, np.split(logits, ends) if tasks else (), strict=True)
-    return [sorted(range(len(task.cards)), key=lambda i: (-float(own[i]), task.cards[i], i))[:k] for task, own in found]
-
-
-def chances(logits: Vectors, slope: float, offset: float) -> Vectors:
-    """(p,) float32 in [0, 1]: the chances whose log-odds are slope × logit + offset."""
-    return (0.5 * (1 + np.tanh((slope * logits + offset) / 2))).astype(np.float32)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Form:
     """A text with what the network makes of it: a query's (members, rank), a card's numbers in one row."""
@@ -112,10 +100,8 @@ class _Form:
     form: torch.Tensor
 
 
-class Adapter:
+class Adapter(Chooser):
     """The select and score roles. Weights are verified and loaded at the first decision."""
-
-    roles: frozenset[RoleName] = frozenset({"select", "score"})
 
     def __init__(self, config: AdapterConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
         self._config, self._embedder = config, embedder_of(config.embedder, store, ledger)
@@ -142,17 +128,10 @@ class Adapter:
         del role
         return self._config.call_size
 
-    def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
-        """For each task min(k, n) distinct indices of its cards, best first; equal ones by their text."""
-        owners = [number for number, task in enumerate(tasks) for _ in task.cards]
-        logits = self._logits([(task.query, card) for task in tasks for card in task.cards], owners)
-        return best_first(tasks, logits, k)
-
-    def score(self, pairs: Sequence[tuple[str, str]]) -> Vectors:
-        """(p,) float32 in [0, 1]: the chance that the teacher would call the card fitting, each pair on its own."""
-        logits = self._logits(pairs)
+    def log_odds(self, pairs: Sequence[Pair], owners: Sequence[int] | None = None) -> Vectors:
+        """(p,) float32; cards of one choice are trusted together."""
         header, _ = self._load()
-        return chances(logits, header.slope, header.offset)
+        return header.slope * self._logits(pairs, owners) + header.offset
 
     def _logits(self, pairs: Sequence[Pair], owners: Sequence[int] | None = None) -> Vectors:
         """(p,) float32, the mean of the members; `owners` numbers the choice that each card is part of."""

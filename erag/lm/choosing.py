@@ -11,10 +11,10 @@ import numpy as np
 
 from erag.core.errors import BadModelOutput
 from erag.lm import prompts
+from erag.lm.odds import Pair
 from erag.lm.roles import Prompt, SelectTask, Vectors
 from erag.lm.textmodel import Continuation, TextModel
 
-Pair = tuple[str, str]  # (query, card)
 Measure = Literal["likelihood", "yes_no"]
 
 

@@ -11,6 +11,7 @@ from erag.core.errors import ConfigError
 from erag.lm.adapter import Adapter, AdapterConfig
 from erag.lm.blip import Blip, BlipConfig
 from erag.lm.clip import Clip, ClipConfig
+from erag.lm.committee import Committee, CommitteeConfig
 from erag.lm.compose import compose
 from erag.lm.cross import CrossEncoder, CrossEncoderConfig
 from erag.lm.fake import Fake, FakeConfig
@@ -52,6 +53,7 @@ ModelConfig = Annotated[
     | CaptionerConfig
     | AdapterConfig
     | CrossEncoderConfig
+    | CommitteeConfig
     | UnderstandingConfig
     | OpenAIRoles
     | ReplayConfig
@@ -64,6 +66,7 @@ _LEAVES: Mapping[type[BaseModel], Callable[[Any, ModelStore, Ledger | None], Mod
     SentenceConfig: SentenceEmbedder,
     AdapterConfig: Adapter,
     CrossEncoderConfig: CrossEncoder,
+    CommitteeConfig: Committee,
     TaggerConfig: Tagger,
     StudentConfig: Student,
     ClipConfig: Clip,

@@ -11,14 +11,14 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from erag.core.errors import ModelError
-from erag.lm.adapter import best_first, chances
 from erag.lm.checkpoints import load_into, read_header, shipped
 from erag.lm.cross_header import RULES, CrossHeader
 from erag.lm.cross_tokens import PairTokens
 from erag.lm.ledger import Ledger
 from erag.lm.local import LocalModel, versions
+from erag.lm.odds import Chooser, Pair
 from erag.lm.probe import Dtype, DtypeWish, choose_dtype
-from erag.lm.roles import RoleName, SelectTask, Vectors
+from erag.lm.roles import Vectors
 from erag.lm.weights import ModelStore
 
 if TYPE_CHECKING:
@@ -57,10 +57,8 @@ def header_of(path: Path) -> CrossHeader:
     return header
 
 
-class CrossEncoder(LocalModel[CrossEncoderConfig]):
+class CrossEncoder(Chooser, LocalModel[CrossEncoderConfig]):
     """The select and score roles. Weights are verified and loaded at the first decision."""
-
-    roles: frozenset[RoleName] = frozenset({"select", "score"})
 
     def __init__(self, config: CrossEncoderConfig, store: ModelStore, ledger: Ledger | None = None) -> None:
         super().__init__(config, store, ledger)
@@ -76,16 +74,13 @@ class CrossEncoder(LocalModel[CrossEncoderConfig]):
         size = self._config.batch_size
         return {"dtype": self._dtype, "batch_size": size, **versions(RUNTIME, "sentence")}
 
-    def select(self, tasks: Sequence[SelectTask], k: int) -> list[list[int]]:
-        """For each task min(k, n) distinct indices of its cards, best first; equal ones by their text."""
-        return best_first(tasks, self._logits([(task.query, card) for task in tasks for card in task.cards]), k)
-
-    def score(self, pairs: Sequence[tuple[str, str]]) -> Vectors:
-        """(p,) float32 in [0, 1]: the chance that the teacher would call the card fitting, each pair on its own."""
+    def log_odds(self, pairs: Sequence[Pair], owners: Sequence[int] | None = None) -> Vectors:
+        """(p,) float32; each pair is judged on its own."""
+        del owners
         header, _ = self._header()
-        return chances(self._logits(pairs), header.slope, header.offset)
+        return header.slope * self._logits(pairs) + header.offset
 
-    def _logits(self, pairs: Sequence[tuple[str, str]]) -> Vectors:
+    def _logits(self, pairs: Sequence[Pair]) -> Vectors:
         """(p,) float32."""
         import torch
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import log_softmax
 
 from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
@@ -66,20 +65,21 @@ def distil(config: CrossDistil, store: ModelStore, progress: Progress = quiet) -
     data = table(decisions, KeptVectors(embedder, config.work / "vectors"))
     clock.append(time.perf_counter())
     splits = splits_of(decisions)
-    students: dict[str, dict[str, Floats]] = {name: {} for name in splits}
+    beside: dict[str, Floats] = {}
     if config.beside is not None:
         adapter = _adapter(config, config.beside, embedder, data, progress)
-        for name, groups in splits.items():
-            students[name][BESIDE] = adapter.left_out(name, groups)
+        beside = {name: adapter.left_out(name, groups) for name, groups in splits.items()}
     clock.append(time.perf_counter())
     run = _Run(config, decisions, data, store, progress)
-    for name, groups in splits.items():
-        own = run.left_out(name, groups)
-        if config.beside is not None:
-            students[name][BOTH] = _together((students[name][BESIDE], own), data)
-        students[name][STUDENT] = own
+    own = {name: run.left_out(name, groups) for name, groups in splits.items()}
     clock.append(time.perf_counter())
-    slope, offset = platt(*pairs_of(students[QUESTIONS][STUDENT], data))
+    slope, offset = platt(*pairs_of(own[QUESTIONS], data))
+    students = {name: {STUDENT: own[name]} for name in splits}
+    if beside:
+        other = platt(*pairs_of(beside[QUESTIONS], data))
+        for name in splits:
+            both = np.mean([_odds(beside[name], *other), _odds(own[name], slope, offset)], axis=0)
+            students[name] = {BESIDE: beside[name], BOTH: both, STUDENT: own[name]}
     _, state = run.trained("all", range(len(data)))
     save(config.out, HEADER, run.header.model_copy(update={"slope": slope, "offset": offset}), state)
     clock.append(time.perf_counter())
@@ -172,11 +172,9 @@ class _Run:
         return known
 
 
-def _together(logits: Sequence[Floats], data: Table) -> Floats:
-    """(n, m): the mean of the log-probabilities that several give to the cards of each decision."""
-    there = (data.shown >= 0).numpy()
-    found: Floats = np.mean([log_softmax(np.where(there, one, -np.inf), axis=1) for one in logits], axis=0)
-    return found
+def _odds(logits: Floats, slope: float, offset: float) -> Floats:
+    """(n, m) log-odds, as the backends say them."""
+    return slope * logits + offset
 
 
 def _plain(name: str) -> Path:

@@ -40,12 +40,13 @@ class ChoosingTask(_Config):
 class Places(_Config):
     """Simulated worlds with true captions, rendered where they are missing, whose clusters `teacher` summarises.
 
-    Only words are wanted of them, so that their images may be small (`pixels`, width and height).
+    Only words are wanted of them, so that their images may be small (`pixels`, width and height). Each world is
+    furnished by each of `seeds`; however furnished it is one place.
     """
 
     teacher: ModelConfig
     worlds: tuple[str, ...] = Field(min_length=2)
-    seed: int = 0
+    seeds: tuple[int, ...] = Field((0,), min_length=1)
     pixels: tuple[int, int] = (160, 120)
     folder: Path = Path("experiments/distil/summaries")
 

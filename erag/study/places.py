@@ -22,18 +22,20 @@ def summarised(config: Places, store: ModelStore, progress: Progress = quiet) ->
 
     Raises ConfigError where the simulator is not installed or knows no such world.
     """
-    worlds = config.folder / "worlds"
-    if not all((worlds / "truth" / f"{name}.jsonl").is_file() for name in config.worlds):
-        render(worlds, config.worlds, config.seed, progress, objects=False, captions="truth", size=config.pixels)
     pipeline = _pipeline(config)
     key = content_hash(build_backend(pipeline.backend, store).fingerprint("summarise")).hex()[:12]
-    memories = []
-    for done, name in enumerate(config.worlds):
-        progress("worlds summarised", done, len(config.worlds))
-        memory = config.folder / key / f"{name}.erag"
-        built(MemoryBench(source=str(worlds / "worlds" / name), memory=memory, pipeline=pipeline), store, progress)
-        memories.append(memory)
-    progress("worlds summarised", len(config.worlds), len(config.worlds))
+    memories: list[Path] = []
+    for seed in config.seeds:
+        worlds = config.folder / f"worlds-{seed}"
+        if not all((worlds / "truth" / f"{name}.jsonl").is_file() for name in config.worlds):
+            render(worlds, config.worlds, seed, progress, objects=False, captions="truth", size=config.pixels)
+        for name in config.worlds:
+            progress("worlds summarised", len(memories), len(config.worlds) * len(config.seeds))
+            memory = config.folder / f"{key}-{seed}" / f"{name}.erag"
+            source = str(worlds / "worlds" / name)
+            built(MemoryBench(source=source, memory=memory, pipeline=pipeline), store, progress)
+            memories.append(memory)
+    progress("worlds summarised", len(memories), len(memories))
     return memories
 
 

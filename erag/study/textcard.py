@@ -33,7 +33,7 @@ def cross_card(config: CrossDistil, report: Report) -> str:
     if config.beside is not None:
         what += f"""
 Beside it stands an adapter on vectors of {embedder_name(config.embedder)}, taught and judged on the same parts;
-`both together` goes by the mean of the log-probabilities that the two give to the cards."""
+`both together` goes by the mean of their log-odds, as a `committee` of the two does."""
     return _chooser_card(config, what, "a student", config.training, report)
 
 

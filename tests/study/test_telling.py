@@ -37,9 +37,9 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> TellingTask:
         ids = {o.id for o in part}
         edges = tuple(e for e in reading.edges if {e.a, e.b} <= ids)
         small = replace(reading, observations=tuple(part), edges=edges, clusters=(), issues=())
-        write_folder(folder / "worlds" / "worlds" / name, small)
-        (folder / "worlds" / "truth").mkdir(exist_ok=True)
-        (folder / "worlds" / "truth" / f"{name}.jsonl").touch()
+        write_folder(folder / "worlds-0" / "worlds" / name, small)
+        (folder / "worlds-0" / "truth").mkdir(exist_ok=True)
+        (folder / "worlds-0" / "truth" / f"{name}.jsonl").touch()
     where = Places(teacher=FakeConfig(), worlds=WORLDS, folder=folder)
     return TellingTask(kind="summarise", places=where, embedder=FakeConfig(), vectors=folder / "vectors")
 
@@ -60,6 +60,15 @@ def test_a_teacher_is_not_asked_again(config: TellingTask, store: ModelStore, mo
     assert len(summarised(config.places, store)) == len(WORLDS)
     with pytest.raises(AttributeError, match="summarise"):
         summarised(config.places.model_copy(update={"teacher": FakeConfig(seed=2)}), store)
+
+
+def test_a_world_furnished_anew_is_the_same_place(config: TellingTask, task: Telling, store: ModelStore) -> None:
+    assert config.places
+    copytree(config.places.folder / "worlds-0", config.places.folder / "worlds-1")
+    both = config.model_copy(update={"places": config.places.model_copy(update={"seeds": (0, 1)})})
+    assert len(summarised(both.places, store)) == 4
+    assert set(Telling(both, store).groups) == set(WORLDS)
+    assert len(Telling(both, store).groups) == 2 * len(task.groups)
 
 
 def test_another_teacher_has_memories_of_its_own(config: TellingTask, store: ModelStore) -> None:
