@@ -78,6 +78,8 @@ def _bounds(report: Report) -> str:
 
 
 def _steady(found: Sequence[Steadiness]) -> str:
+    if not found:
+        return ""
     rows = "\n".join(f"| {one.least:g} to {one.most:g} | {one.pairs:,} | {one.same:.3f} |" for one in found)
     return f"""## How steady the teacher is
 
