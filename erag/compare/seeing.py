@@ -33,8 +33,7 @@ def rendered(worlds: WorldsConfig) -> Path:
     """The folder of the worlds, with true captions and without nodes of objects; rendered where one is missing."""
     from erag.study.worlds import render
 
-    if not all((worlds.folder / "truth" / f"{name}.jsonl").is_file() for name in worlds.names):
-        render(worlds.folder, worlds.names, worlds.seed, objects=False, captions="truth")
+    render(worlds.folder, worlds.names, worlds.seed, objects=False, captions="truth")
     return worlds.folder
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Literal, Protocol
 
 import numpy as np
@@ -101,6 +102,15 @@ class _Asked:
     parts: tuple[str, ...]
 
 
+@dataclasses.dataclass(frozen=True)
+class Accepted:
+    """What a summariser is asked about a cluster, what is left of its answers, and what would be of another one."""
+
+    group: Group
+    summary: Summary
+    left: Callable[[Summary], Summary]
+
+
 class Summaries:
     """Summarises clusters level by level; a level may be asked for while the next is not built yet."""
 
@@ -121,9 +131,22 @@ class Summaries:
         spoken = [a for a in asked if a.facts.of and not self._kept(a.cluster)]
         said = dict(zip([a.cluster.id for a in spoken], self._say(spoken), strict=True))
         done = [a.cluster if self._kept(a.cluster) else self._finished(a, said.get(a.cluster.id)) for a in asked]
-        self._names.update({c.id: c.name for c in done})
-        self._said.update({c.id: f"{c.name}: {c.summary}" for c in done})
+        self._remember(done)
         return done
+
+    def accepted(self, clusters: Sequence[Cluster]) -> list[Accepted]:
+        """As `level`, of clusters that have their texts: those with facts, and parts may be missing."""
+        asked = [self._asked(cluster) for cluster in clusters]
+        spoken = [a for a in asked if a.facts.of]
+        self._remember(clusters)
+        return [
+            Accepted(self._group(a, self._config.evidence), said, partial(self._kept_of, a))
+            for a, said in zip(spoken, self._say(spoken), strict=True)
+        ]
+
+    def _remember(self, clusters: Sequence[Cluster]) -> None:
+        self._names.update({c.id: c.name for c in clusters})
+        self._said.update({c.id: f"{c.name}: {c.summary}" for c in clusters})
 
     def _say(self, asked: Sequence[_Asked]) -> list[Summary]:
         """What a summariser says of each cluster and its members bear out; what is missing then is asked once more."""

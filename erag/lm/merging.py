@@ -8,7 +8,7 @@ from pathlib import Path
 
 from erag.lm.llamacpp.config import Format
 from erag.lm.llamacpp.quantise import Source, keep_manifest, quantise, source_of, variants_store
-from erag.lm.torchlm.lora import Adapter, adapter_of, check_base
+from erag.lm.torchlm.lora import LoraFile, check_base, lora_file
 from erag.lm.weights import Manifest, ModelStore
 from erag.lm.weights.digest import replace_durably, sha256_of
 from erag.lm.weights.fetch import need_space
@@ -34,7 +34,7 @@ def merged(
 
 def merge(adapter: Path, store: ModelStore, folder: Path) -> Source:
     """The F16 file of the model with the adapter merged in, unless it is there already and made of the same two."""
-    taught = adapter_of(adapter)
+    taught = lora_file(adapter)
     header, base = taught.header, source_of(store, taught.header.base)
     check_base(taught, base.manifest.fingerprint)
     made, name = variants_store(folder), f"{header.base}-{header.taught}"
@@ -58,7 +58,7 @@ def merge(adapter: Path, store: ModelStore, folder: Path) -> Source:
     return source_of(variants_store(folder), name)
 
 
-def _write(base: Path, adapter: Adapter, target: Path) -> None:
+def _write(base: Path, adapter: LoraFile, target: Path) -> None:
     from erag.lm.torchlm.container import open_container
     from erag.lm.torchlm.export import write_gguf
     from erag.lm.torchlm.shape import shape_of
@@ -66,12 +66,11 @@ def _write(base: Path, adapter: Adapter, target: Path) -> None:
 
     source = open_container(base)
     shape = shape_of(source)
-    tensors = dequantised(source, shape, "float32")
-    adapter.add_to(tensors, shape)
+    tensors = dequantised(source, shape, "float32", adapter.terms(shape))
     write_gguf(source, shape, tensors, target)
 
 
-def _note(base: Source, adapter: Adapter) -> str:
+def _note(base: Source, adapter: LoraFile) -> str:
     header, weights = adapter.header, base.manifest.fingerprint
     again = "" if base.whole else " The base was quantised before the adapter was trained on it."
     return (

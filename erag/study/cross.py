@@ -13,6 +13,7 @@ import numpy as np
 
 from erag.core.progress import Progress, quiet
 from erag.core.text import content_hash
+from erag.core.types import IntArray
 from erag.lm.adapter import AnyEmbedder, embedder_of
 from erag.lm.checkpoints import save
 from erag.lm.cross import CHARS, HEADER, CrossEncoder, CrossEncoderConfig
@@ -24,7 +25,7 @@ from erag.lm.roles import SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import platt
 from erag.study.decisions import Decision
-from erag.study.pairs import Table, table
+from erag.study.pairs import Table, folds, table
 from erag.study.selector import Run as AdapterRun
 from erag.study.standing import (
     QUESTIONS,
@@ -76,9 +77,9 @@ def distil(config: CrossDistil, store: ModelStore, progress: Progress = quiet) -
     slope, offset = platt(*pairs_of(own[QUESTIONS], data))
     students = {name: {STUDENT: own[name]} for name in splits}
     if beside:
-        other = platt(*pairs_of(beside[QUESTIONS], data))
-        for name in splits:
-            both = np.mean([_odds(beside[name], *other), _odds(own[name], slope, offset)], axis=0)
+        for name, groups in splits.items():
+            fold = folds(groups, config.folds, config.training.seed)
+            both = np.mean([_odds(logits, data, fold) for logits in (beside[name], own[name])], axis=0)
             students[name] = {BESIDE: beside[name], BOTH: both, STUDENT: own[name]}
     _, state = run.trained("all", range(len(data)))
     save(config.out, HEADER, run.header.model_copy(update={"slope": slope, "offset": offset}), state)
@@ -172,9 +173,16 @@ class _Run:
         return known
 
 
-def _odds(logits: Floats, slope: float, offset: float) -> Floats:
-    """(n, m) log-odds, as the backends say them."""
-    return slope * logits + offset
+def _odds(logits: Floats, data: Table, fold: IntArray) -> Floats:
+    """(n, m) log-odds, as a committee's members say them; slope and offset are those of the other folds (n,)."""
+    import torch
+
+    odds = np.empty_like(logits)
+    for number in np.unique(fold):
+        others = np.flatnonzero(fold != number)
+        slope, offset = platt(*pairs_of(logits[others], data.rows(torch.from_numpy(others))))
+        odds[fold == number] = slope * logits[fold == number] + offset
+    return odds
 
 
 def _plain(name: str) -> Path:

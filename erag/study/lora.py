@@ -32,6 +32,8 @@ _EXAMPLES = 10
 class Report:
     """What came of it: figures by way of answering, over `judged` of `items` items, and over how many of them.
 
+    The items are in `groups` groups, those that were judged in `judged_groups`.
+
     `taught` items became `lessons` for the adapter that was written. `files` are the bytes of the base and of the
     merged ones; `examples` items with the answers of the teacher, of the base and of the student, which had not seen
     them.
@@ -44,6 +46,7 @@ class Report:
     taught: int
     lessons: int
     judged: int
+    judged_groups: int
     figures: Mapping[str, Mapping[str, Interval]]
     counted: Mapping[str, int]
     files: Mapping[str, int]
@@ -90,7 +93,8 @@ def distil(config: LoraDistil, store: ModelStore, progress: Progress = quiet) ->
     figures, counted = _figures(config, task, rows, answers)
     report = Report(
         out=config.out, bytes=config.out.stat().st_size, items=len(task.groups), groups=len(set(task.groups)),
-        taught=len(taught), lessons=sum(len(tutor.lessons[row]) for row in taught), judged=len(rows), figures=figures,
+        taught=len(taught), lessons=sum(len(tutor.lessons[row]) for row in taught), judged=len(rows),
+        judged_groups=len({task.groups[row] for row in rows}), figures=figures,
         counted=counted, files={called(config.base, form): one.bytes for form, one in parts[0].items()},
         examples=_examples(task, rows, forms[UNTAUGHT], forms[config.forms[0]]),
         seconds=dict(zip(("teacher", "folds", "train"), np.diff(clock).tolist(), strict=True)),

@@ -39,7 +39,8 @@ seed {training.seed}).
 ## On groups it has not seen
 
 {config.folds} folds of groups, {left_out}: {report.judged:,} of {report.items:,} items are judged, by adapters that had
-seen nothing of their groups, rounded and merged as the shipped one. 95 % intervals are over groups.
+seen nothing of their groups, rounded and merged as the shipped one. 95 % intervals are over the
+{report.judged_groups} groups that they are in.
 
 {table}
 {_examples(config, report)}"""

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from erag.forest.summaries import SummaryConfig
 from erag.lm.adapter import EmbedderConfig
 from erag.lm.config import ModelConfig
 from erag.lm.llamacpp.config import Format
@@ -37,6 +38,9 @@ class ChoosingTask(_Config):
     split: Literal["questions", "sets"] = "questions"
 
 
+Pixels = Annotated[int, Field(ge=32, le=2048)]
+
+
 class Places(_Config):
     """Simulated worlds with true captions, rendered where they are missing, whose clusters `teacher` summarises.
 
@@ -45,27 +49,36 @@ class Places(_Config):
     """
 
     teacher: ModelConfig
-    worlds: tuple[str, ...] = Field(min_length=2)
-    seeds: tuple[int, ...] = Field((0,), min_length=1)
-    pixels: tuple[int, int] = (160, 120)
+    worlds: tuple[str, ...] = Field(min_length=1)
+    seeds: tuple[Annotated[int, Field(ge=0)], ...] = Field((0,), min_length=1)
+    pixels: tuple[Pixels, Pixels] = (160, 120)
     folder: Path = Path("experiments/distil/summaries")
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Places:
+        for name, values in (("worlds", self.worlds), ("seeds", self.seeds)):
+            if len(set(values)) < len(values):
+                raise ValueError(f"{name} {values}: one stands there twice")
+        return self
 
 
 class TellingTask(_Config):
-    """Summaries of clusters: the `summarise` calls that memory files have recorded, whoever answered them.
+    """Summaries of clusters, as memory files have recorded and accepted them, whoever answered.
 
-    The memories are those of `memories` and of `places`. Each is a place, and places are left out whole.
+    The memories are those of `memories`, built with the settings `summaries`, and of `places`. Each file of `memories`
+    is a place, as is each world; places are left out whole.
     """
 
     kind: Literal["summarise"]
     memories: tuple[Path, ...] = ()
     places: Places | None = None
+    summaries: SummaryConfig = SummaryConfig()
     embedder: EmbedderConfig = SentenceConfig(dtype="float32")
     vectors: Path = Field(Path("experiments/distil/summaries/vectors"), description="where vectors of texts are kept")
 
     @model_validator(mode="after")
     def _taught(self) -> TellingTask:
-        if len(self.memories) + len(self.places.worlds if self.places else ()) < 2:
+        if len({path.resolve() for path in self.memories}) + len(self.places.worlds if self.places else ()) < 2:
             raise ValueError("fewer than two places: name two of `memories`, or two of the worlds of `places`")
         return self
 
@@ -105,7 +118,7 @@ class LoraDistil(_Config):
     judged: int = Field(5, ge=1, le=20)
     forms: tuple[Format, ...] = Field(("f16",), min_length=1)
     work: Path = Path("experiments/distil/lora")
-    out: Path = Path("checkpoints/lora-understanding.safetensors")
+    out: Path
     training: LoraTraining = LoraTraining()
     resamples: int = Field(2000, ge=10, description="of the bootstrap over groups")
 

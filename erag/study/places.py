@@ -17,25 +17,25 @@ from erag.study.worlds import render
 _TEACHER = "teacher"
 
 
-def summarised(config: Places, store: ModelStore, progress: Progress = quiet) -> list[Path]:
-    """Memories of the worlds, every cluster of which the teacher has summarised; what is there already is kept.
+def summarised(config: Places, store: ModelStore, progress: Progress = quiet) -> dict[Path, str]:
+    """Memories of the worlds, with their places, every cluster of which the teacher has summarised.
 
-    Raises ConfigError where the simulator is not installed or knows no such world.
+    What is there already is kept; however a world is furnished it is the same place. Raises ConfigError where the
+    simulator is not installed or knows no such world.
     """
     pipeline = _pipeline(config)
-    key = content_hash(build_backend(pipeline.backend, store).fingerprint("summarise")).hex()[:12]
-    memories: list[Path] = []
+    teacher = content_hash(build_backend(pipeline.backend, store).fingerprint("summarise")).hex()[:12]
+    total = len(config.worlds) * len(config.seeds)
+    memories: dict[Path, str] = {}
     for seed in config.seeds:
-        worlds = config.folder / f"worlds-{seed}"
-        if not all((worlds / "truth" / f"{name}.jsonl").is_file() for name in config.worlds):
-            render(worlds, config.worlds, seed, progress, objects=False, captions="truth", size=config.pixels)
+        folder = config.folder / "-".join(map(str, (seed, *config.pixels)))
+        render(folder, config.worlds, seed, progress, objects=False, captions="truth", size=config.pixels)
         for name in config.worlds:
-            progress("worlds summarised", len(memories), len(config.worlds) * len(config.seeds))
-            memory = config.folder / f"{key}-{seed}" / f"{name}.erag"
-            source = str(worlds / "worlds" / name)
-            built(MemoryBench(source=source, memory=memory, pipeline=pipeline), store, progress)
-            memories.append(memory)
-    progress("worlds summarised", len(memories), len(memories))
+            progress("worlds summarised", len(memories), total)
+            memory = folder / teacher / f"{name}.erag"
+            built(MemoryBench(source=str(folder / "worlds" / name), memory=memory, pipeline=pipeline), store, progress)
+            memories[memory] = name
+    progress("worlds summarised", total, total)
     return memories
 
 

@@ -17,7 +17,7 @@ from erag.lm.offline import go_offline
 from erag.lm.roles import SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import platt
-from erag.study.ceiling import Learnt, learning_curve
+from erag.study.ceiling import Lot, learning_curve, lots
 from erag.study.decisions import Decision
 from erag.study.pairs import Table, folds, table
 from erag.study.standing import (
@@ -55,6 +55,7 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     data = table(decisions, KeptVectors(embedder, config.work / "vectors"))
     clock.append(time.perf_counter())
     run = Run(config, embedder, data, progress)
+    fewer = run.lots(decisions)
     unseen = {name: run.left_out(name, groups) for name, groups in splits_of(decisions).items()}
     clock.append(time.perf_counter())
     slope, offset = platt(*pairs_of(unseen[QUESTIONS], data))
@@ -66,7 +67,7 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     figures = stand(config, {name: {STUDENT: own} for name, own in unseen.items()}, decisions, data, store)
     speed = _speed(config, store, decisions)
     clock.append(time.perf_counter())
-    curve = run.curve(decisions)
+    curve = learning_curve(fewer, decisions, config.resamples, run.taught_less)
     clock.append(time.perf_counter())
     stages = dict(zip(("embed", "folds", "train", "judge", "curve"), np.diff(clock).tolist(), strict=True))
     return written(config, decisions, data, figures, speed, stages, lambda report: selector_card(config, report), curve)
@@ -86,14 +87,18 @@ class Run:
         self._config, self._data, self._progress = config, data, progress
         self._folder = config.work / f"run-{key}"
 
-    def trained(self, name: str, rows: Sequence[int]) -> torch.nn.Module:
-        """The adapter that was taught the decisions `rows`."""
+    def trained(self, name: str, rows: Sequence[int], epochs: int | None = None) -> torch.nn.Module:
+        """The adapter that was taught the decisions `rows`, for other than the configured number of epochs if said."""
         from erag.study.adapting import train
 
         def told(stage: str, done: int, total: int) -> None:
             self._progress(f"{name}: {stage}", done, total)
 
-        return train(self.header, self._config, self._data, rows, self._folder / name.replace(" ", "-"), told)
+        config = self._config
+        if epochs is not None:
+            config = config.model_copy(update={"training": config.training.model_copy(update={"epochs": epochs})})
+        folder = self._folder / name.replace(",", "").replace(" ", "-")
+        return train(self.header, config, self._data, rows, folder, told)
 
     def left_out(self, name: str, groups: Sequence[str]) -> Floats:
         """(n, m) logits of every decision by an adapter that has seen nothing of its group."""
@@ -102,20 +107,23 @@ class Run:
             lambda number, rows, out: self._judged(f"{name} {number}", rows, out),
         )  # fmt: skip
 
-    def curve(self, decisions: Sequence[Decision]) -> list[Learnt]:
-        """What adapters that were taught fewer questions do on those left out."""
+    def lots(self, decisions: Sequence[Decision]) -> list[Lot]:
+        """What is taught for the points of the learning curve."""
         config = self._config
-        fold = folds([d.query for d in decisions], config.folds, config.training.seed).tolist()
-        return learning_curve(
-            config.curve, decisions, fold, config.resamples, config.training.seed,
-            self._judged,
-        )  # fmt: skip
+        fold = folds([d.query for d in decisions], config.folds, config.training.seed)
+        return lots(config.curve, decisions, fold, config.training.batch_size, config.training.seed)
 
-    def _judged(self, name: str, rows: list[int], out: list[int]) -> Floats:
+    def taught_less(self, lot: Lot) -> Floats:
+        """Logits of what a lot asks by an adapter that was taught the lot in as many steps as there are for all."""
+        epochs = round(self._config.training.epochs * lot.repeats)
+        return self._judged(f"{lot.name}, {epochs} epochs", lot.taught, lot.asked, epochs)
+
+    def _judged(self, name: str, rows: list[int], out: list[int], epochs: int | None = None) -> Floats:
         """Logits of the decisions `out` by an adapter that was taught the decisions `rows`."""
         from erag.study.adapting import predicted
 
-        found: Floats = predicted(self.trained(name, rows), self._data, out).double().numpy()  # type: ignore[arg-type]
+        network = self.trained(name, rows, epochs)
+        found: Floats = predicted(network, self._data, out).double().numpy()  # type: ignore[arg-type]
         return found
 
 

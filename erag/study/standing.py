@@ -120,7 +120,7 @@ def written(
     report = Report(
         config.out, config.out.stat().st_size, len(decisions), len(set(splits[QUESTIONS])), len(set(splits[SETS])),
         len(data.whole), float(np.mean([1 / len(d.cards) for d in decisions])), *figures, milliseconds, seconds,
-        steadiness(decisions, data), curve,
+        steadiness(decisions, data, config.resamples), curve,
     )  # fmt: skip
     config.out.with_suffix(".md").write_text(card(report), encoding="utf-8")
     (config.work / "figures.json").write_text(json.dumps(asdict(report), indent=1, default=str), encoding="utf-8")

@@ -80,11 +80,12 @@ def _bounds(report: Report) -> str:
 def _steady(found: Sequence[Steadiness]) -> str:
     if not found:
         return ""
-    rows = "\n".join(f"| {one.least:g} to {one.most:g} | {one.pairs:,} | {one.same:.3f} |" for one in found)
+    rows = "\n".join(f"| {one.least:g} to {one.most:g} | {one.pairs:,} | {_precise(one.same)} |" for one in found)
     return f"""## How steady the teacher is
 
 Pairs of different questions about the same cards: how often the teacher chose the same for both. Where the share no
-longer rises with the cosine, what is missing is the teacher's own unsteadiness, which no student can learn.
+longer rises with the cosine, what is missing is the teacher's own unsteadiness, which no student can learn. Intervals
+are over questions.
 
 | cosine of the questions | pairs | chosen the same |
 |---|---:|---|
@@ -98,6 +99,8 @@ def _curve(found: Sequence[Learnt]) -> str:
         return ""
     rows = "\n".join(f"| {one.questions} | {_precise(one.agreement)} |" for one in found)
     return f"""## What more questions bring
+
+Adapters that were taught fewer questions, in as many steps:
 
 | questions taught | agreement on unseen questions |
 |---:|---|

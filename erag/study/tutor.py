@@ -55,9 +55,8 @@ class Tutor:
         self._dtype = choose_dtype(config.training.dtype)
         said = [f"{lesson.messages} {lesson.answer}" for own in self.lessons for lesson in own]
         trained = config.training.model_dump_json(exclude={"wandb", "threads", "dtype"})
-        key = content_hash(
-            self.header.model_dump_json(), trained, f"{config.folds} {config.most}", self._dtype, *said
-        ).hex()[:12]
+        parts = json.dumps([config.folds, config.most, list(task.groups)])
+        key = content_hash(self.header.model_dump_json(), trained, parts, self._dtype, *said).hex()[:12]
         self._folder = config.work / f"run-{key}"
 
     def train(self, name: str, rows: Sequence[int], out: Path) -> None:

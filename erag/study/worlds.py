@@ -15,6 +15,7 @@ from erag.study.examples import Example, Instance
 from erag.study.posing import simulator
 
 _MAX_LINE = 1 << 20
+_WORK = ".work"  # of a data set that is not finished
 _LIGHTS = {
     "morning": "in the morning", "midday": "at midday", "overcast": "under an overcast sky",
     "evening": "in the evening", "night": "at night", "indoor": "",
@@ -63,9 +64,12 @@ def render(
     """Make the data set of some worlds (none: all) from a seed; what is there already stays as it is.
 
     `objects` become nodes of their own; frames have no captions, or true ones; `size` are their width and height in
-    pixels, else the data set's own. Raises ConfigError where the simulator
-    is not installed or knows no such world.
+    pixels, else the data set's own. Raises ConfigError where the simulator, which worlds that are all there do not
+    need, is not installed or knows no such world.
     """
+    there = [(folder / "worlds" / name / "meta.json").is_file() for name in worlds]  # what is written last of a world
+    if worlds and all(there) and not (folder / _WORK).exists():
+        return
     dataset = simulator("dataset")
     sized = {} if size is None else {"size": simulator("camera").Size(*size)}
     plan = dataset.Plan(worlds=tuple(worlds), seed=seed, objects=objects, captions=captions, **sized)

@@ -346,6 +346,8 @@ TRUTH = [
 def test_objects_are_counted_by_class_and_synonym(tmp_path: Path) -> None:
     pytest.importorskip("PIL")
     (tmp_path / "truth").mkdir()
+    (tmp_path / "worlds" / "park").mkdir(parents=True)
+    (tmp_path / "worlds" / "park" / "meta.json").touch()
     (tmp_path / "truth" / "park.jsonl").write_text("\n".join(map(json.dumps, TRUTH)))
     raw = {"kind": "objects", "synonyms": {"litter bin": ["waste bin"]}, "backends": ["fake"]}
     made = config(tmp_path / "out", objects=raw)

@@ -44,7 +44,7 @@ def test_an_adapter_of_a_language_model_fits_the_model_it_was_taught_on(
 def test_summaries_come_from_the_adapter_as_it_is_loaded(smollm2: ModelStore, tmp_path: Path) -> None:
     group = Group((), ("often: bedroom, family house, carpet, red bed", "special: television, floor lamp"))
     plain, taught = (
-        TextRoles(TorchLM(TorchLMConfig(lora=lora), smollm2)).summarise([group])[0]
+        TextRoles(TorchLM(TorchLMConfig(lora=lora), smollm2, cache=tmp_path)).summarise([group])[0]
         for lora in (None, shipped("lora-summaries.safetensors"))
     )
     assert taught != plain

@@ -48,6 +48,7 @@ from erag.study.loraconfig import ChoosingTask, LoraDistil, LoraTraining, Naming
 from erag.study.lowrank import LowRank
 from erag.study.naming import EMBEDDING, Naming
 from erag.study.tuning import padded
+from erag.study.tutor import Tutor
 from erag.study.understanding import FOUND
 
 RANK, ALPHA = 4, 6.0
@@ -272,6 +273,7 @@ def test_the_card_has_the_figures_of_items_left_out(taught: tuple[LoraDistil, Re
     assert {"nearest things", EMBEDDING} <= set(report.figures)
     assert report.counted["this student, F16"] == report.judged < report.items
     assert report.taught == report.lessons == 24
+    assert 1 < report.judged_groups < report.groups
     card = config.out.with_suffix(".md").read_text()
     assert "Taught by a rule." in card
     assert report.figures["this student, F16"][FOUND].shown(3) in card
@@ -317,10 +319,35 @@ def test_the_engine_merges_an_adapter_as_it_loads(tiny: Tiny, tmp_path: Path) ->
     with torch.no_grad():
         expected = network.logits(network(torch.tensor([], dtype=torch.long), torch.tensor([tokens])))[0]
     before = logits_of(store, "tiny", tokens, cache)
-    for _ in "once, and again from the cache":
-        found = logits_of(store, "tiny", tokens, cache, lora=adapter)
-        assert (found - expected).abs().max() < 1e-4 * (before - expected).abs().max()
-    assert logits_of(store, "tiny", tokens, cache).equal(before)  # one cache does not stand for the other
+    kept = sorted(cache.iterdir())
+    found = logits_of(store, "tiny", tokens, cache, lora=adapter)
+    assert (found - expected).abs().max() < 1e-4 * (before - expected).abs().max()
+    assert sorted(cache.iterdir()) == kept  # no cache of every adapter
+    assert logits_of(store, "tiny", tokens, cache).equal(before)
+
+
+def test_an_adapter_that_is_replaced_in_use_is_noticed(store: ModelStore, tmp_path: Path) -> None:
+    model = TorchLM(TorchLMConfig(model="tiny", lora=random_adapter(store, tmp_path / "a.safetensors")), store)
+    model.identity("generate")
+    random_adapter(store, tmp_path / "a.safetensors", alpha=2 * ALPHA)
+    with pytest.raises(ModelError, match="was replaced while it was in use"):
+        model.vocabulary()
+
+
+def test_the_same_decisions_split_in_another_way_are_another_run(store: ModelStore, tmp_path: Path) -> None:
+    path = tmp_path / "d.jsonl"
+    lines = [
+        chat(f"a {t} please", sets, f"{sets[0]}_1") for t in "xyzuvw" for sets in (("sofa", "clock"), ("bed", "door"))
+    ]
+    path.write_text("\n".join(lines))
+    tutors = []
+    for split in ("questions", "sets"):
+        task = ChoosingTask(kind="select", decisions=(ChatDecisions(kind="chats", paths=(path,)),), split=split)
+        config = LoraDistil(
+            kind="lora", base="tiny", task=task, taught_by="", folds=2, judged=1, work=tmp_path, out=tmp_path / "o"
+        )
+        tutors.append(Tutor(config, Choosing(task), store, quiet))
+    assert tutors[0]._folder != tutors[1]._folder
 
 
 def test_a_model_with_an_adapter_is_another_model(store: ModelStore, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from erag.lm.fake import FakeConfig
 from erag.lm.roles import SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import area, platt
+from erag.study.ceiling import lots
 from erag.study.decisions import ChatDecisions, Part, RecordedDecisions, read_decisions
 from erag.study.pairs import folds
 from erag.study.selector import STUDENT, distil
@@ -49,7 +50,7 @@ def _config(chats: Path, out: Path) -> AdapterDistil:
         kind="selector", decisions=(ChatDecisions(kind="chats", paths=(chats,)),), taught_by="Taught by a rule.",
         embedder=FakeConfig(dim=96), rank=16, members=2, folds=3, work=out / "work", out=out / "selector.safetensors",
         training=TextTraining(epochs=12, batch_size=16, rate=1e-2, dropout=0.1, wandb=False), resamples=50,
-        curve=(4, 20),
+        curve=(4, 16),
     )  # fmt: skip
 
 
@@ -89,12 +90,37 @@ def test_the_card_says_how_steady_the_teacher_is_and_what_more_questions_bring(
     taught: tuple[AdapterDistil, Report],
 ) -> None:
     config, report = taught
-    assert [one.questions for one in report.curve] == [4, 20]
+    assert [one.questions for one in report.curve] == [4, 16]
     few, many = (one.agreement.mean for one in report.curve)
     assert few < many <= report.agreement[QUESTIONS][STUDENT].mean + 0.05
     card = config.out.with_suffix(".md").read_text()
     assert f"| 4 | {few:.3f} [" in card
     assert "## How steady the teacher is" in card
+
+
+def test_a_curve_that_cannot_be_drawn_is_refused_before_anything_is_taught(
+    chats: Path, store: ModelStore, tmp_path: Path
+) -> None:
+    config = _config(chats, tmp_path)
+    for count, said in ((1, "with 1 questions"), (1000, "with 1000 questions, of which")):
+        with pytest.raises(InputError, match=said):
+            distil(config.model_copy(update={"curve": (count,)}), store)
+    assert not list(config.work.glob("run-*"))
+    assert not config.out.exists()
+
+
+def test_fewer_questions_are_taught_in_as_many_steps(chats: Path) -> None:
+    decisions = read_decisions((ChatDecisions(kind="chats", paths=(chats,)),))
+    fold = folds([d.query for d in decisions], 3, 0)
+    some = lots((4, 20), decisions, fold, 16, 0)
+    assert [lot.questions for lot in some] == [4] * 3 + [20] * 3
+    for few, many in zip(some[:3], some[3:], strict=True):
+        assert set(few.taught) < set(many.taught)
+        asked = {decisions[row].query for row in few.asked}
+        assert len({decisions[row].query for row in few.taught}) == 4
+        assert not asked & {decisions[row].query for row in many.taught}
+        assert few.repeats * len(few.taught) == pytest.approx(many.repeats * len(many.taught))
+        assert few.repeats * len(few.taught) == pytest.approx(len(decisions) - len(few.asked))
 
 
 def test_a_steady_teacher_chooses_the_same_for_questions_that_say_the_same() -> None:
@@ -109,9 +135,9 @@ def test_a_steady_teacher_chooses_the_same_for_questions_that_say_the_same() -> 
     torn = [*steady[:1], Decision(asked[1], cards, 1), steady[2]]
     other = [*steady[:1], Decision(asked[1], cards[::-1], 0)]  # of other cards, as far as anybody knows
     embed = lambda texts: embedder_of(FakeConfig(dim=96), None).embed(texts, "document")  # type: ignore[arg-type] # noqa: E731
-    found, broken, none = (steadiness(some, table(some, embed)) for some in (steady, torn, other))
-    assert [(one.pairs, one.same) for one in found if one.least >= 0.9] == [(1, 1.0)]
-    assert [(one.pairs, one.same) for one in broken if one.least >= 0.9] == [(1, 0.0)]
+    found, broken, none = (steadiness(some, table(some, embed), 50) for some in (steady, torn, other))
+    assert [(one.pairs, one.same.mean) for one in found if one.least >= 0.9] == [(1, 1.0)]
+    assert [(one.pairs, one.same.mean) for one in broken if one.least >= 0.9] == [(1, 0.0)]
     assert none == []
 
 
@@ -193,7 +219,7 @@ def test_the_same_bytes_after_kill_9(taught: tuple[AdapterDistil, Report], chats
 
 def test_what_is_left_for_the_comparison_is_not_seen(chats: Path, store: ModelStore, tmp_path: Path) -> None:
     part, short = Part(number=1, folds=3), TextTraining(epochs=1, batch_size=16, wandb=False)
-    config = _config(chats, tmp_path).model_copy(update={"without": part, "training": short, "folds": 2})
+    config = _config(chats, tmp_path).model_copy(update={"without": part, "training": short, "folds": 2, "curve": ()})
     found = read_decisions(config.decisions)
     held = [decision for decision in found if part.holds(decision)]
     assert 0 < len(held) < len(found)

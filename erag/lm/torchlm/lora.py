@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ HEADER = "lora"
 REPAIR = "erag distil --config C.yaml, one of configs/distil/lora-*.yaml"
 PROJECTIONS = ("attn_q", "attn_k", "attn_v", "attn_output", "ffn_gate", "ffn_up", "ffn_down")
 DOWN, UP = "down", "up"
+_WEIGHT = re.compile(r"blk\.(\d+)\.(\w+)\.weight")
 
 
 class LoraHeader(BaseModel):
@@ -40,26 +42,45 @@ class LoraHeader(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Adapter:
+class LoraFile:
     """An adapter in a file that was read as far as its header."""
 
     path: Path
     header: LoraHeader
     sha256: str
 
-    def add_to(self, tensors: Mapping[str, torch.Tensor], shape: Shape) -> None:
-        """Change the float32 weights of the model, in place. Raises ModelError where the factors do not fit them."""
+    def terms(self, shape: Shape) -> Terms:
+        """What it adds to the weights of a model. Raises ModelError where it does not fit, or was replaced since."""
         factors = read_factors(self.path, self.header, shape)
-        add(tensors, factors, shape.layers, self.header.alpha / self.header.rank)
+        if sha256_of(self.path) != self.sha256:
+            raise ModelError("was replaced while it was in use", where=str(self.path), repair="run the command again")
+        return Terms(factors, shape.layers, self.header.alpha / self.header.rank)
 
 
-def adapter_of(path: Path) -> Adapter:
+@dataclass(frozen=True, slots=True, eq=False)
+class Terms:
+    """The factors of an adapter, and what their products are multiplied by."""
+
+    factors: Mapping[str, torch.Tensor]
+    layers: int
+    scale: float
+
+    def add_to(self, name: str, weight: torch.Tensor) -> None:
+        """Add the term of a tensor, if it has one, to its float32 weight, in place."""
+        found = _WEIGHT.fullmatch(name)
+        if found and found[2] in PROJECTIONS:
+            names = (factor_name(found[2], side) for side in (DOWN, UP))
+            down, up = (self.factors[name].chunk(self.layers)[int(found[1])] for name in names)
+            weight.addmm_(up.T, down, alpha=self.scale)
+
+
+def lora_file(path: Path) -> LoraFile:
     """The adapter in a file. Raises ModelError for a file that is none."""
     header = read_header(path, HEADER, LoraHeader, REPAIR, called="adapter of a language model")
-    return Adapter(path, header, sha256_of(path))
+    return LoraFile(path, header, sha256_of(path))
 
 
-def check_base(adapter: Adapter, fingerprint: str) -> None:
+def check_base(adapter: LoraFile, fingerprint: str) -> None:
     """Raise ModelError where an adapter was trained on other weights than those of this sha256."""
     if adapter.header.weights != fingerprint:
         what = f"was trained on {adapter.header.base} with the sha256 {adapter.header.weights}"
@@ -97,12 +118,3 @@ def read_factors(path: Path, header: LoraHeader, shape: Shape) -> dict[str, torc
         what = f"its factors do not fit {header.base} and rank {header.rank}: {found}"
         raise ModelError(what, where=str(path), repair=REPAIR)
     return factors
-
-
-def add(tensors: Mapping[str, torch.Tensor], factors: Mapping[str, torch.Tensor], layers: int, scale: float) -> None:
-    """Add the products of the factors to the float32 weights of a model, in place."""
-    for projection in PROJECTIONS:
-        down, up = (factors[factor_name(projection, side)] for side in (DOWN, UP))
-        each = zip(down.chunk(layers), up.chunk(layers), strict=True)
-        for layer, (first, second) in enumerate(each):
-            tensors[weight_name(layer, projection)].addmm_(second.T, first, alpha=scale)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -19,20 +19,23 @@ from erag.lm.probe import DtypeWish, choose_dtype
 from erag.lm.roles import Generation, Prompt, RoleName
 from erag.lm.textmodel import Continuation, Likelihood
 from erag.lm.torchlm.cache import Pool
-from erag.lm.torchlm.container import open_container
+from erag.lm.torchlm.container import Container, open_container
 from erag.lm.torchlm.decoder import Decoder
 from erag.lm.torchlm.generating import Generator, Request
 from erag.lm.torchlm.kernels import KernelsWish, choose_kernels
 from erag.lm.torchlm.lexicon import Lexicon
-from erag.lm.torchlm.lora import Adapter, adapter_of, check_base
+from erag.lm.torchlm.lora import LoraFile, check_base, lora_file
 from erag.lm.torchlm.plan import Limits, Tokens
 from erag.lm.torchlm.schema import compile_schema
 from erag.lm.torchlm.scoring import Due, Scorer
-from erag.lm.torchlm.shape import shape_of
+from erag.lm.torchlm.shape import Shape, shape_of
 from erag.lm.torchlm.vocabulary import Vocabulary
-from erag.lm.torchlm.weights import WeightCache, cache_folder, rope_factors
+from erag.lm.torchlm.weights import WeightCache, cache_folder, dequantised, rope_factors
 from erag.lm.torchlm.writer import FreeWriter, JsonWriter, Writer
 from erag.lm.weights import ModelStore
+
+if TYPE_CHECKING:
+    import torch
 
 RULES = 1  # changes when other texts or numbers would come out of the same weights
 
@@ -82,7 +85,7 @@ class TorchLM(LocalModel[TorchLMConfig]):
         super().__init__(config, store, ledger)
         self._dtype, self._kernels = choose_dtype(config.dtype), choose_kernels(config.kernels)
         self._cache = cache
-        self._taught: Adapter | None = None
+        self._taught: LoraFile | None = None
         self._loaded: _Loaded | None = None
 
     def _stated(self) -> Mapping[str, Any]:
@@ -170,10 +173,10 @@ class TorchLM(LocalModel[TorchLMConfig]):
         cut = [(CUT_TEXTS, sum(w.truncated for w in writers)), (CUT_STRINGS, sum(w.cut for w in writers))]
         self._ledger.events.update({event: times for event, times in cut if times})
 
-    def _adapter(self) -> Adapter | None:
+    def _adapter(self) -> LoraFile | None:
         """The adapter to be merged in. Raises ModelError for a file that is none, or of other weights."""
         if self._taught is None and self._config.lora is not None:
-            found = adapter_of(self._config.lora)
+            found = lora_file(self._config.lora)
             check_base(found, self._store.fingerprint(self._config.model))
             self._taught = found
         return self._taught
@@ -186,14 +189,20 @@ class TorchLM(LocalModel[TorchLMConfig]):
     def _read(self) -> _Loaded:
         file = open_container(self._store.path(self._config.model))
         shape, vocabulary = shape_of(file), Vocabulary(file)
-        folder = self._cache or cache_folder()
-        cache = WeightCache(folder, self._store.fingerprint(self._config.model), self._dtype, self._adapter())
-        decoder = Decoder(shape, cache.load(file, shape, self._ledger), self._kernels, rope_factors(file))
+        decoder = Decoder(shape, self._tensors(file, shape), self._kernels, rope_factors(file))
         limits = Limits(self._config.batch_size, self._config.batch_cells)
         context = min(self._config.context, shape.context)
         pool = Pool(shape, decoder.dtype)
         generator, scorer = Generator(decoder, limits, pool), Scorer(decoder, limits, pool)
         return _Loaded(vocabulary, Lexicon(vocabulary), generator, scorer, context)
+
+    def _tensors(self, file: Container, shape: Shape) -> dict[str, torch.Tensor]:
+        """From the cache; with an adapter they are made anew, so that no cache of every adapter piles up."""
+        taught = self._adapter()
+        if taught is not None:
+            return dequantised(file, shape, self._dtype, taught.terms(shape))
+        cache = WeightCache(self._cache or cache_folder(), self._store.fingerprint(self._config.model), self._dtype)
+        return cache.load(file, shape, self._ledger)
 
 
 def _key(prompt: Prompt) -> str:

@@ -18,7 +18,7 @@ from erag.core.errors import ModelError
 from erag.lm.ledger import Ledger
 from erag.lm.probe import Dtype
 from erag.lm.torchlm.container import Container, TensorEntry
-from erag.lm.torchlm.lora import Adapter
+from erag.lm.torchlm.lora import Terms
 from erag.lm.torchlm.shape import ROPE_FACTORS, Shape
 from erag.lm.weights.digest import Stamp, replace_durably, sha256_of, write_durably
 
@@ -44,17 +44,15 @@ class _Record(BaseModel):
 
 @dataclass(frozen=True)
 class WeightCache:
-    """Where the tensors of one GGUF file (by its sha256) in one dtype are kept, with an adapter merged in or none."""
+    """Where the tensors of one GGUF file (by its sha256) in one dtype are kept."""
 
     folder: Path
     sha256: str
     dtype: Dtype
-    adapter: Adapter | None = None
 
     @property
     def file(self) -> Path:
-        taught = f"-{self.adapter.sha256}" if self.adapter else ""
-        return self.folder / f"{self.sha256}{taught}-{self.dtype}.safetensors"
+        return self.folder / f"{self.sha256}-{self.dtype}.safetensors"
 
     @property
     def record(self) -> Path:
@@ -64,27 +62,18 @@ class WeightCache:
         """The tensors by GGUF name, q and k ordered for rotating neighbouring pairs.
 
         From the cache where it is whole (a damaged one is counted in `ledger` and made anew), else dequantised. Raises
-        ModelError when the GGUF holds a tensor that cannot be dequantised, or the adapter does not fit it.
+        ModelError when the GGUF holds a tensor that cannot be dequantised.
         """
         if self.file.exists():
             tensors = self._read(shape)
             if tensors is not None:
                 return tensors
             ledger.events[REBUILT] += 1
-        tensors = self._made(source, shape)
+        tensors = dequantised(source, shape, self.dtype)
         if self._keep(tensors):
             return self._read(shape) or tensors  # backed by the file, so that memory is not held twice
         ledger.events[NOT_KEPT] += 1
         return tensors
-
-    def _made(self, source: Container, shape: Shape) -> dict[str, torch.Tensor]:
-        import torch
-
-        if self.adapter is None:
-            return dequantised(source, shape, self.dtype)
-        tensors = dequantised(source, shape, "float32")
-        self.adapter.add_to(tensors, shape)
-        return {name: tensor.to(getattr(torch, self.dtype)) for name, tensor in tensors.items()}
 
     def _read(self, shape: Shape) -> dict[str, torch.Tensor] | None:
         from safetensors import SafetensorError, safe_open
@@ -135,8 +124,7 @@ class WeightCache:
 
     @property
     def _source(self) -> str:
-        taught = [self.adapter.sha256] if self.adapter else []
-        return json.dumps([LAYOUT, self.sha256, self.dtype, *taught])
+        return json.dumps([LAYOUT, self.sha256, self.dtype])
 
 
 def cache_folder() -> Path:
@@ -145,8 +133,11 @@ def cache_folder() -> Path:
     return (Path(home) if home else Path.home() / ".cache") / "erag" / "torchlm"
 
 
-def dequantised(source: Container, shape: Shape, dtype: Dtype) -> dict[str, torch.Tensor]:
-    """All tensors of the network in `dtype`. Raises ModelError for types that cannot be dequantised, and for NaN."""
+def dequantised(source: Container, shape: Shape, dtype: Dtype, terms: Terms | None = None) -> dict[str, torch.Tensor]:
+    """All tensors of the network in `dtype`, with the terms of an adapter added.
+
+    Raises ModelError for types that cannot be dequantised, and for NaN.
+    """
     import torch
 
     tensors = {}
@@ -156,7 +147,10 @@ def dequantised(source: Container, shape: Shape, dtype: Dtype) -> dict[str, torc
             raise ModelError(f"tensor {name} holds numbers that are not finite", where=source.path.name)
         if not shape.interleaved and name.endswith(_ROTATED):
             numbers = _paired(numbers, shape.head)
-        tensors[name] = torch.from_numpy(np.ascontiguousarray(numbers)).to(getattr(torch, dtype))
+        weight = torch.from_numpy(np.ascontiguousarray(numbers))
+        if terms is not None:
+            terms.add_to(name, weight)
+        tensors[name] = weight.to(getattr(torch, dtype))
     return tensors
 
 
