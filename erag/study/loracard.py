@@ -27,8 +27,8 @@ def lora_card(config: LoraDistil, report: Report) -> str:
     return f"""# {config.out.stem}
 
 A low-rank adapter (rank {config.rank}, alpha {config.alpha:g}) on the attention and MLP projections of {config.base},
-taught {config.task.kind}. {report.bytes:,} bytes, factors in 8 bits. `erag models merge {config.out}` adds it to the
-base and writes a GGUF file of the result.
+taught {config.task.kind}. {report.bytes:,} bytes, factors in 8 bits. With `lora: {config.out}` a `torchlm`
+model merges it as it is loaded; `erag models merge {config.out}` writes a GGUF file of the result.
 
 Made by `erag distil` (`kind: lora`) from {report.lessons:,} lessons of {report.taught:,} of {report.items:,} items
 in {report.groups:,} groups ({training.epochs} epochs in batches of {training.batch_size}, rate {training.rate:g},
