@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from erag.study.pairs import Table
 
 ALIKE = (0.6, 0.7, 0.8, 0.9, 0.95, 1.0)  # cosines of two questions
+NEAR = 0.9  # of two questions that ask about the same
+_PLACE = re.compile(r"\b(where|which|find|show|is there)\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,18 @@ class Steadiness:
     most: float
     pairs: int
     same: Interval
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Decisions about questions of a kind: agreement by student, and of the teacher with itself in so many `pairs` of
+    such questions that are alike (None: there is no pair)."""
+
+    name: str
+    decisions: int
+    agreement: Mapping[str, Interval]
+    itself: Interval | None
+    pairs: int
 
 
 @dataclass(frozen=True)
@@ -51,46 +66,85 @@ class Lot:
     repeats: float
 
 
-def steadiness(decisions: Sequence[Decision], data: Table, resamples: int) -> list[Steadiness]:
-    """By how alike two questions are (`ALIKE`): where there is no such pair there is no row.
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of different questions about the same cards.
 
-    Where the questions mean the same a steady teacher would choose the same, so that no student can be told to do
-    much better than the last rows. Intervals are over questions.
+    `rows` (p, 2) are the decisions, `questions` (p, 2) the questions among `count`, `cosines` (p,) how alike these
+    are, `agreed` (p,) whether the teacher chose the same.
     """
+
+    rows: IntArray
+    questions: IntArray
+    count: int
+    cosines: npt.NDArray[np.float64]
+    agreed: npt.NDArray[np.bool_]
+
+    def same(self, some: npt.NDArray[np.bool_], resamples: int, seed: int = 0) -> Interval:
+        """How often the teacher chose the same in the pairs `some` (p,), its 95 % bootstrap interval over questions."""
+        agreed, ends = self.agreed[some], self.questions[some]
+        rng = np.random.default_rng(seed)
+        drawn = []
+        for _ in range(resamples):
+            times = np.bincount(rng.integers(self.count, size=self.count), minlength=self.count)
+            weight = times[ends].prod(axis=1)
+            if weight.any():
+                drawn.append(float(np.average(agreed, weights=weight)))
+        low, high = np.percentile(drawn or [float("nan")], [2.5, 97.5])
+        return Interval(float(agreed.mean()), float(low), float(high))
+
+
+def pairs_among(decisions: Sequence[Decision], data: Table) -> Pairs:
+    """All pairs of questions about the same cards."""
     by_cards: dict[tuple[str, ...], list[int]] = defaultdict(list)
     for row, decision in enumerate(decisions):
         by_cards[decision.cards].append(row)
     asked, vectors = data.asked.numpy(), data.queries[data.asked].numpy()
-    alike, same, ends = [np.empty(0)], [np.empty(0, bool)], [np.empty((0, 2), np.int64)]
+    ends, alike = [np.empty((0, 2), np.int64)], [np.empty(0)]
     for rows in by_cards.values():
-        chosen = np.array([decisions[row].cards[decisions[row].chosen] for row in rows])
         one, two = np.triu_indices(len(rows), 1)
+        ends.append(np.array(rows)[np.stack([one, two], axis=1)])
         alike.append((vectors[rows] @ vectors[rows].T)[one, two])
-        same.append(chosen[one] == chosen[two])
-        ends.append(asked[rows][np.stack([one, two], axis=1)])
-    cosines, agreed, questions = np.concatenate(alike), np.concatenate(same), np.concatenate(ends)
+    both = np.concatenate(ends)
+    chosen = np.array([decision.cards[decision.chosen] for decision in decisions])
+    return Pairs(both, asked[both], len(data.queries), np.concatenate(alike), chosen[both[:, 0]] == chosen[both[:, 1]])
+
+
+def steadiness(pairs: Pairs, resamples: int) -> list[Steadiness]:
+    """By how alike two questions are (`ALIKE`): where there is no such pair there is no row.
+
+    Where the questions mean the same a steady teacher would choose the same, so that no student can be told to do
+    much better than the last rows.
+    """
     found = []
     for least, most in pairwise(ALIKE):
-        within = (cosines >= least) & ((cosines < most) | (most == ALIKE[-1]))
+        within = (pairs.cosines >= least) & ((pairs.cosines < most) | (most == ALIKE[-1]))
         if within.any():
-            share = _share(agreed[within], questions[within], len(data.queries), resamples)
-            found.append(Steadiness(least, most, int(within.sum()), share))
+            found.append(Steadiness(least, most, int(within.sum()), pairs.same(within, resamples)))
     return found
 
 
-def _share(
-    agreed: npt.NDArray[np.bool_], ends: npt.NDArray[np.int64], questions: int, resamples: int, seed: int = 0
-) -> Interval:
-    """The share of pairs (p, 2) of questions that agree (p,), with its 95 % bootstrap interval over questions."""
-    rng = np.random.default_rng(seed)
-    drawn = []
-    for _ in range(resamples):
-        times = np.bincount(rng.integers(questions, size=questions), minlength=questions)
-        weight = times[ends].prod(axis=1)
-        if weight.any():
-            drawn.append(float(np.average(agreed, weights=weight)))
-    low, high = np.percentile(drawn or [float("nan")], [2.5, 97.5])
-    return Interval(float(agreed.mean()), float(low), float(high))
+def by_kind(
+    decisions: Sequence[Decision], pairs: Pairs, students: Mapping[str, npt.NDArray[np.float64]], resamples: int
+) -> list[Kind]:
+    """Questions that ask for a place, and others: how students agree (logits (n, m)), and the teacher with itself."""
+    place = np.array([bool(_PLACE.search(decision.query)) for decision in decisions])
+    found = []
+    for name, some in (("ask for a place", place), ("ask something else", ~place)):
+        rows = np.flatnonzero(some).tolist()
+        near = (pairs.cosines >= NEAR) & some[pairs.rows].all(axis=1)
+        if not rows:
+            continue
+        queries = [decisions[row].query for row in rows]
+        agreement = {
+            who: clustered_bootstrap(
+                [float(decisions[row].agrees(int(logits[row].argmax()))) for row in rows], queries, samples=resamples
+            )
+            for who, logits in students.items()
+        }
+        itself = pairs.same(near, resamples) if near.any() else None
+        found.append(Kind(name, len(rows), agreement, itself, int(near.sum())))
+    return found
 
 
 def lots(

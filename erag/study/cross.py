@@ -88,7 +88,9 @@ def distil(config: CrossDistil, store: ModelStore, progress: Progress = quiet) -
     speed = _speed(config, store, decisions)
     clock.append(time.perf_counter())
     stages = dict(zip(("embed", "adapter", "folds", "train", "judge"), np.diff(clock).tolist(), strict=True))
-    return written(config, decisions, data, figures, speed, stages, lambda report: cross_card(config, report))
+    return written(
+        config, decisions, data, students[QUESTIONS], figures, speed, stages, lambda report: cross_card(config, report)
+    )
 
 
 def _adapter(

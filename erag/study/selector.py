@@ -70,7 +70,10 @@ def distil(config: AdapterDistil, store: ModelStore, progress: Progress = quiet)
     curve = learning_curve(fewer, decisions, config.resamples, run.taught_less)
     clock.append(time.perf_counter())
     stages = dict(zip(("embed", "folds", "train", "judge", "curve"), np.diff(clock).tolist(), strict=True))
-    return written(config, decisions, data, figures, speed, stages, lambda report: selector_card(config, report), curve)
+    judged = {STUDENT: unseen[QUESTIONS]}
+    return written(
+        config, decisions, data, judged, figures, speed, stages, lambda report: selector_card(config, report), curve
+    )
 
 
 class Run:

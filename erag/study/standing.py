@@ -16,7 +16,7 @@ from erag.lm.config import BackendConfig, build_backend
 from erag.lm.roles import Selector, SelectTask
 from erag.lm.weights import ModelStore
 from erag.study.calibration import areas
-from erag.study.ceiling import Learnt, Steadiness, steadiness
+from erag.study.ceiling import Kind, Learnt, Steadiness, by_kind, pairs_among, steadiness
 from erag.study.decisions import Decision, read_decisions
 from erag.study.pairs import Table, folds
 from erag.study.shown import Shown
@@ -32,8 +32,8 @@ _TIMED = 200  # decisions asked one by one
 @dataclass(frozen=True)
 class Report:
     """What came of it: agreement with the teacher by split and selector, area under the ROC curve by split and scorer,
-    milliseconds a decision with and without the embedding of new texts, seconds by stage, how steady the teacher is,
-    and what students say that were taught fewer questions."""
+    milliseconds a decision with and without the embedding of new texts, seconds by stage, how steady the teacher is
+    by how alike questions are and by what they ask, and what students say that were taught fewer questions."""
 
     out: Path
     bytes: int
@@ -47,6 +47,7 @@ class Report:
     milliseconds: Mapping[str, float]
     seconds: Mapping[str, float]
     steadiness: Sequence[Steadiness] = ()
+    kinds: Sequence[Kind] = ()
     curve: Sequence[Learnt] = ()
 
     def table(self) -> Shown:
@@ -111,16 +112,21 @@ def stand(
 
 
 def written(
-    config: AdapterDistil | CrossDistil, decisions: Sequence[Decision], data: Table, figures: tuple[Figures, Figures],
+    config: AdapterDistil | CrossDistil, decisions: Sequence[Decision], data: Table, students: Mapping[str, Floats],
+    figures: tuple[Figures, Figures],
     milliseconds: Mapping[str, float], seconds: Mapping[str, float], card: Callable[[Report], str],
     curve: Sequence[Learnt] = (),
 ) -> Report:  # fmt: skip
-    """The report of a student whose checkpoint is written; its card is put beside it, the figures in `work`."""
+    """The report of a student whose checkpoint is written; its card is put beside it, the figures in `work`.
+
+    `students` are logits (n, m) by name, of questions left out.
+    """
+    pairs = pairs_among(decisions, data)
     splits = splits_of(decisions)
     report = Report(
         config.out, config.out.stat().st_size, len(decisions), len(set(splits[QUESTIONS])), len(set(splits[SETS])),
         len(data.whole), float(np.mean([1 / len(d.cards) for d in decisions])), *figures, milliseconds, seconds,
-        steadiness(decisions, data, config.resamples), curve,
+        steadiness(pairs, config.resamples), by_kind(decisions, pairs, students, config.resamples), curve,
     )  # fmt: skip
     config.out.with_suffix(".md").write_text(card(report), encoding="utf-8")
     (config.work / "figures.json").write_text(json.dumps(asdict(report), indent=1, default=str), encoding="utf-8")

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from erag.evaluate.statistics import Interval
 from erag.lm.fake import FakeConfig
 from erag.lm.sentence import SentenceConfig
+from erag.study.ceiling import NEAR
 
 if TYPE_CHECKING:
-    from erag.study.ceiling import Learnt, Steadiness
+    from erag.study.ceiling import Kind, Learnt, Steadiness
     from erag.study.standing import Report
     from erag.study.textconfig import AdapterDistil, ChoiceDistil, CrossDistil, TextTraining, UnderstandingDistil
     from erag.study.understanding import Report as UnderstandingReport
@@ -74,7 +75,28 @@ habits in *this* building were learnt. Only the second one says what to expect i
 
 def _bounds(report: Report) -> str:
     """What agreement could be at most, as far as the decisions tell."""
-    return f"{_steady(report.steadiness)}{_curve(report.curve)}"
+    return f"{_kinds(report.kinds)}{_steady(report.steadiness)}{_curve(report.curve)}"
+
+
+def _kinds(found: Sequence[Kind]) -> str:
+    if not found:
+        return ""
+    names = list(found[0].agreement)
+    rows = "\n".join(
+        f"| {one.name} | {one.decisions:,} | {' | '.join(_precise(one.agreement[name]) for name in names)} "
+        f"| {_precise(one.itself) if one.itself else 'no such pair'} ({one.pairs}) |"
+        for one in found
+    )
+    return f"""## By what is asked
+
+Agreement on unseen questions; and how often the teacher chose the same for both of two questions of the kind about the
+same cards whose cosine is {NEAR:g} or more (so many pairs).
+
+| questions that | decisions | {" | ".join(names)} | the teacher with itself |
+|---|---:|{"---|" * len(names)}---|
+{rows}
+
+"""
 
 
 def _steady(found: Sequence[Steadiness]) -> str:

@@ -96,6 +96,10 @@ def test_the_card_says_how_steady_the_teacher_is_and_what_more_questions_bring(
     card = config.out.with_suffix(".md").read_text()
     assert f"| 4 | {few:.3f} [" in card
     assert "## How steady the teacher is" in card
+    (kind,) = report.kinds  # "I am tired." asks for no place
+    assert (kind.name, kind.decisions) == ("ask something else", report.decisions)
+    assert kind.agreement[STUDENT] == report.agreement[QUESTIONS][STUDENT]
+    assert f"| ask something else | {report.decisions} |" in card
 
 
 def test_a_curve_that_cannot_be_drawn_is_refused_before_anything_is_taught(
@@ -125,7 +129,7 @@ def test_fewer_questions_are_taught_in_as_many_steps(chats: Path) -> None:
 
 def test_a_steady_teacher_chooses_the_same_for_questions_that_say_the_same() -> None:
     from erag.lm.adapter import embedder_of
-    from erag.study.ceiling import steadiness
+    from erag.study.ceiling import pairs_among, steadiness
     from erag.study.decisions import Decision
     from erag.study.pairs import table
 
@@ -135,7 +139,7 @@ def test_a_steady_teacher_chooses_the_same_for_questions_that_say_the_same() -> 
     torn = [*steady[:1], Decision(asked[1], cards, 1), steady[2]]
     other = [*steady[:1], Decision(asked[1], cards[::-1], 0)]  # of other cards, as far as anybody knows
     embed = lambda texts: embedder_of(FakeConfig(dim=96), None).embed(texts, "document")  # type: ignore[arg-type] # noqa: E731
-    found, broken, none = (steadiness(some, table(some, embed), 50) for some in (steady, torn, other))
+    found, broken, none = (steadiness(pairs_among(some, table(some, embed)), 50) for some in (steady, torn, other))
     assert [(one.pairs, one.same.mean) for one in found if one.least >= 0.9] == [(1, 1.0)]
     assert [(one.pairs, one.same.mean) for one in broken if one.least >= 0.9] == [(1, 0.0)]
     assert none == []
