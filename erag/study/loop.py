@@ -133,6 +133,7 @@ def fit(
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, of PyTorch's next version
+            warnings.filterwarnings("ignore", message="Experiment logs directory")  # of what is gone on with
             trainer.fit(module, loader, ckpt_path=str(last) if last.is_file() else None, weights_only=True)
     finally:
         for run in [made.experiment for made in trainer.loggers if isinstance(made, WandbLogger)]:
