@@ -4,6 +4,7 @@ import csv
 import json
 import threading
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from erag.compare.cells import Cell, Job, measured, read_cell
 from erag.compare.choosing import Decisions, Relevance, Search
 from erag.compare.config import CompareConfig, DecisionsTrial, RelevanceTrial, SearchTrial, WorldsConfig
 from erag.compare.cosine import Cosine
-from erag.compare.plot import plotted
+from erag.compare.plot import apart, plotted
 from erag.compare.rows import Row, pareto, verdict
 from erag.compare.run import compare, write
 from erag.compare.seeing import Captions, Objects
@@ -407,3 +408,14 @@ def test_shipped_comparisons_parse(path: Path) -> None:
     text = path.read_text()
     validate(CompareConfig, yaml.safe_load(text), str(path))
     assert text.startswith("# erag compare --config configs/compare/")
+
+
+def test_names_of_a_plot_lie_apart_and_within() -> None:
+    assert apart([0.2, 0.5, 0.9], 0.1) == [0.2, 0.5, 0.9]
+    for places in ([0.5] * 5, [0.0] * 5, [1.0] * 5, [0.1, 0.11, 0.98, 0.99, 1.0]):
+        found = apart(places, 0.1)
+        assert min(b - a for a, b in pairwise(found)) > 0.1 - 1e-9
+        assert 0.04 < found[0] <= found[-1] < 0.96
+    crowded = apart([0.5] * 40, 0.1)
+    assert min(b - a for a, b in pairwise(crowded)) == pytest.approx(1 / 40)
+    assert apart([], 0.1) == []
