@@ -154,7 +154,10 @@ class Form(enum.StrEnum):
 
 @app.command()
 def merge(
-    adapter: Annotated[Path, typer.Argument(metavar="ADAPTER", help="Of `erag distil` (kind: lora).")],
+    adapter: Annotated[
+        Path,
+        typer.Argument(metavar="ADAPTER", help="A file of `erag distil` (kind: lora), or the name of a shipped one."),
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="where files and manifests are written")],
     form: Annotated[list[Form] | None, typer.Option(help="GGUF formats; all but f16 need llama.cpp.")] = None,
     files: Files = None,

@@ -15,6 +15,8 @@ from erag.lm.llamacpp.backend import LlamaCpp
 from erag.lm.llamacpp.config import LlamaCppConfig
 from erag.lm.student import StudentConfig
 from erag.lm.student_checkpoint import read_words
+from erag.lm.torchlm import TorchLMConfig
+from erag.lm.torchlm.lora import located
 from erag.lm.understanding import UnderstandingConfig
 from erag.lm.weights import ModelStore
 
@@ -35,6 +37,8 @@ def _files(model: BaseModel, store: ModelStore) -> Iterator[tuple[Path, int]]:
     if isinstance(model, LlamaCppConfig):
         yield from _sized(LlamaCpp(model, store).file())
         return
+    if isinstance(model, TorchLMConfig) and model.lora is not None:
+        yield from _sized(located(model.lora))
     if type(model) in _SHIPPED:
         checkpoint: Path = getattr(model, "checkpoint", None) or shipped(_SHIPPED[type(model)])
         yield from _sized(checkpoint)

@@ -24,7 +24,7 @@ from torchlm_worlds import LLAMA, QWEN, Tiny, tiny_store
 
 from erag.core.errors import InputError, ModelError
 from erag.core.progress import quiet
-from erag.lm.checkpoints import load_tensors, save
+from erag.lm.checkpoints import load_tensors, save, shipped
 from erag.lm.fake import FakeConfig
 from erag.lm.merging import merge, merged
 from erag.lm.roles import Prompt
@@ -32,7 +32,7 @@ from erag.lm.textmodel import Continuation
 from erag.lm.torchlm import TorchLM, TorchLMConfig
 from erag.lm.torchlm.cache import Buffers
 from erag.lm.torchlm.container import open_container
-from erag.lm.torchlm.lora import HEADER, LoraHeader, factor_sizes
+from erag.lm.torchlm.lora import HEADER, LoraHeader, factor_sizes, located, lora_file
 from erag.lm.torchlm.prefill import extend
 from erag.lm.torchlm.shape import shape_of
 from erag.lm.torchlm.vocabulary import Vocabulary
@@ -324,6 +324,16 @@ def test_the_engine_merges_an_adapter_as_it_loads(tiny: Tiny, tmp_path: Path) ->
     assert (found - expected).abs().max() < 1e-4 * (before - expected).abs().max()
     assert sorted(cache.iterdir()) == kept  # no cache of every adapter
     assert logits_of(store, "tiny", tokens, cache).equal(before)
+
+
+def test_a_bare_name_is_that_of_a_shipped_adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lora-summaries").mkdir()  # whatever lies here
+    assert located(Path("lora-summaries")) == shipped("lora-summaries.safetensors")
+    for path in (Path("mine.safetensors"), Path("some/lora-summaries"), tmp_path / "lora-summaries"):
+        assert located(path) == path
+    with pytest.raises(ModelError, match=r"lora-none.safetensors: there is no such checkpoint"):
+        lora_file(Path("lora-none"))
 
 
 def test_an_adapter_that_is_replaced_in_use_is_noticed(store: ModelStore, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ConfigDict, Field
 
 from erag.core.errors import ModelError
-from erag.lm.checkpoints import load_tensors, read_header
+from erag.lm.checkpoints import load_tensors, read_header, shipped
 from erag.lm.torchlm.shape import Shape
 from erag.lm.weights.digest import sha256_of
 
@@ -74,8 +74,14 @@ class Terms:
             weight.addmm_(up.T, down, alpha=self.scale)
 
 
+def located(path: Path) -> Path:
+    """A file as it is named; a bare name without a suffix is that of an adapter that comes with the project."""
+    return path if path.suffix or path.parent != Path() else shipped(f"{path}.safetensors")
+
+
 def lora_file(path: Path) -> LoraFile:
-    """The adapter in a file. Raises ModelError for a file that is none."""
+    """The adapter in a file, or of the project by its name (`located`). Raises ModelError for a file that is none."""
+    path = located(path)
     header = read_header(path, HEADER, LoraHeader, REPAIR, called="adapter of a language model")
     return LoraFile(path, header, sha256_of(path))
 

@@ -50,7 +50,9 @@ class TorchLMConfig(BaseModel):
 
     kind: Literal["torchlm"] = "torchlm"
     model: str = "smollm2-135m"
-    lora: Path | None = Field(None, description="an adapter of `erag distil` that was trained on this model")
+    lora: Path | None = Field(
+        None, description="an adapter of `erag distil` trained on this model: a file, or the name of a shipped one"
+    )
     dtype: DtypeWish = "auto"
     kernels: KernelsWish = "auto"
     context: int = Field(4096, ge=64, le=131_072, description="tokens of a prompt and its answer; at most the model's")
