@@ -108,7 +108,9 @@ def read_header(
     try:
         with safe_open(path, framework="pt") as file:
             found = file.metadata() or {}
-        return model.model_validate(json.loads(found.get(kind, "null")))
+        if kind not in found:
+            raise ValueError(f"its header tells of {', '.join(map(repr, sorted(found))) or 'nothing'}, not of {kind!r}")
+        return model.model_validate(json.loads(found[kind]))
     except (SafetensorError, OSError, ValidationError, ValueError) as error:
         what = f"is no {called or f'checkpoint of kind {kind}'}: {error}"
         raise ModelError(what, where=str(path), repair=repair) from error
