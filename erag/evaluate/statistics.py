@@ -211,6 +211,13 @@ def compare(
     return made
 
 
+def drawn_interval(value: float, draw: Callable[[np.random.Generator], float], samples: int, seed: int = 0) -> Interval:
+    """A figure with the 95 % percentile interval of what `draw` gives; draws without a figure (NaN) do not count."""
+    rng = np.random.default_rng(seed)
+    low, high = np.nanpercentile([draw(rng) for _ in range(samples)], [2.5, 97.5])
+    return Interval(value, float(low), float(high))
+
+
 def _percentiles(
     value: float, draw: Callable[[np.random.Generator], float], confidence: float, samples: int, seed: int
 ) -> Interval:

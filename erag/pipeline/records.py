@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from erag.core.errors import InputError
-from erag.lm.callfile import read_calls, write_calls
+from erag.lm.callfile import Record, read_calls, write_calls
 from erag.lm.roles import ROLES, RoleName
 from erag.memory.file import MemoryFile
 
@@ -24,6 +24,12 @@ class Moved:
     def line(self) -> str:
         """What was moved, in one line."""
         return ", ".join(f"{n:,} {role}" for role, n in sorted(self.roles.items())) or "no records"
+
+
+def calls_of(memory: Path, role: RoleName) -> list[Record]:
+    """The recorded calls of a role, in the order of their keys."""
+    with MemoryFile.reading(memory) as file:
+        return sorted(file.calls.records({role}), key=lambda record: record.key)
 
 
 def export_records(memory: Path, out: Path, roles: Collection[RoleName] = ROLES) -> Moved:

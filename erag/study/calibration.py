@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.stats import rankdata
 
-from erag.evaluate.statistics import Interval
+from erag.evaluate.statistics import Interval, drawn_interval
 
 Floats = npt.NDArray[np.float64]
 _LEAST_SLOPE = 1e-3
@@ -42,10 +42,9 @@ def areas(scores: Floats, right: Floats, groups: Sequence[str], samples: int, se
     names, member = np.unique(np.asarray(groups), return_inverse=True)
     order = np.argsort(member, kind="stable")
     parts = np.split(order, np.cumsum(np.bincount(member))[:-1])
-    rng = np.random.default_rng(seed)
-    drawn = []
-    for _ in range(samples):
+
+    def draw(rng: np.random.Generator) -> float:
         rows = np.concatenate([parts[i] for i in rng.integers(len(names), size=len(names))])
-        drawn.append(area(scores[rows], right[rows]))
-    low, high = np.nanpercentile(drawn, [2.5, 97.5])
-    return Interval(area(scores, right), float(low), float(high))
+        return area(scores[rows], right[rows])
+
+    return drawn_interval(area(scores, right), draw, samples, seed)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from erag.core.errors import InputError
 from erag.core.types import IntArray
-from erag.evaluate.statistics import Interval, clustered_bootstrap
+from erag.evaluate.statistics import Interval, clustered_bootstrap, drawn_interval
 from erag.study.decisions import Decision
 
 if TYPE_CHECKING:
@@ -80,18 +80,16 @@ class Pairs:
     cosines: npt.NDArray[np.float64]
     agreed: npt.NDArray[np.bool_]
 
-    def same(self, some: npt.NDArray[np.bool_], resamples: int, seed: int = 0) -> Interval:
+    def same(self, some: npt.NDArray[np.bool_], resamples: int) -> Interval:
         """How often the teacher chose the same in the pairs `some` (p,), its 95 % bootstrap interval over questions."""
         agreed, ends = self.agreed[some], self.questions[some]
-        rng = np.random.default_rng(seed)
-        drawn = []
-        for _ in range(resamples):
+
+        def draw(rng: np.random.Generator) -> float:
             times = np.bincount(rng.integers(self.count, size=self.count), minlength=self.count)
             weight = times[ends].prod(axis=1)
-            if weight.any():
-                drawn.append(float(np.average(agreed, weights=weight)))
-        low, high = np.percentile(drawn or [float("nan")], [2.5, 97.5])
-        return Interval(float(agreed.mean()), float(low), float(high))
+            return float(np.average(agreed, weights=weight)) if weight.any() else float("nan")
+
+        return drawn_interval(float(agreed.mean()), draw, resamples)
 
 
 def pairs_among(decisions: Sequence[Decision], data: Table) -> Pairs:
@@ -132,9 +130,9 @@ def by_kind(
     found = []
     for name, some in (("ask for a place", place), ("ask something else", ~place)):
         rows = np.flatnonzero(some).tolist()
-        near = (pairs.cosines >= NEAR) & some[pairs.rows].all(axis=1)
         if not rows:
             continue
+        near = (pairs.cosines >= NEAR) & some[pairs.rows].all(axis=1)
         queries = [decisions[row].query for row in rows]
         agreement = {
             who: clustered_bootstrap(
@@ -147,9 +145,7 @@ def by_kind(
     return found
 
 
-def lots(
-    counts: Sequence[int], decisions: Sequence[Decision], fold: IntArray, least: int, seed: int
-) -> list[Lot]:  # fmt: skip
+def lots(counts: Sequence[int], decisions: Sequence[Decision], fold: IntArray, least: int, seed: int) -> list[Lot]:
     """For each number of questions and each fold (n,) the decisions about so many questions of the other folds.
 
     Smaller numbers of a fold are among the larger ones. Raises InputError where fewer than `least` decisions are left.

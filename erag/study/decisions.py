@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from erag.core.errors import InputError
 from erag.core.text import clean, content_hash, name_words
 from erag.lm.roles import SelectTask
+from erag.pipeline.records import calls_of
 
 FILES = ("train.jsonl", "test.jsonl")  # of the authors' fine-tuning data
 _MAX_LINE = 1 << 20  # characters
@@ -203,15 +204,8 @@ def _lines(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _records(path: Path) -> Iterator[Decision]:
-    from erag.memory.database import Database
-
-    database = Database(path, "read")
-    try:
-        rows = database.rows("SELECT request, result FROM call_results WHERE role = 'select' ORDER BY key")
-    finally:
-        database.close()
-    for request, result in rows:
-        yield _recorded(json.loads(request), json.loads(result), str(path))
+    for record in calls_of(path, "select"):
+        yield _recorded(json.loads(record.request), json.loads(record.result), str(path))
 
 
 def _recorded(task: Mapping[str, Any], chosen: Iterable[int], where: str) -> Decision:

@@ -113,9 +113,8 @@ def stand(
 
 def written(
     config: AdapterDistil | CrossDistil, decisions: Sequence[Decision], data: Table, students: Mapping[str, Floats],
-    figures: tuple[Figures, Figures],
-    milliseconds: Mapping[str, float], seconds: Mapping[str, float], card: Callable[[Report], str],
-    curve: Sequence[Learnt] = (),
+    figures: tuple[Figures, Figures], milliseconds: Mapping[str, float], seconds: Mapping[str, float],
+    card: Callable[[Report], str], curve: Sequence[Learnt] = (),
 ) -> Report:  # fmt: skip
     """The report of a student whose checkpoint is written; its card is put beside it, the figures in `work`.
 

@@ -20,6 +20,7 @@ from erag.lm.roles import Group, LMBackend, RoleName, Summary
 from erag.lm.textroles import TextRolesConfig
 from erag.lm.weights import ModelStore
 from erag.pipeline.load import load
+from erag.pipeline.records import calls_of
 from erag.study.lessons import Answer, Lesson
 from erag.study.loraconfig import TellingTask
 from erag.study.places import summarised
@@ -100,17 +101,10 @@ class _Recorded:
     """Says what a memory has recorded, and nothing else."""
 
     def __init__(self, path: Path) -> None:
-        from erag.memory.database import Database
-
-        database = Database(path, "read")
-        try:
-            rows = database.rows("SELECT request, result FROM call_results WHERE role = 'summarise' ORDER BY key")
-        finally:
-            database.close()
         self._said: dict[Group, Summary] = {}
-        for request, result in rows:
-            raw = json.loads(request)
-            self._said[Group(tuple(raw["texts"]), tuple(raw["facts"]))] = SUMMARY.decode(result)
+        for record in calls_of(path, "summarise"):
+            raw = json.loads(record.request)
+            self._said[Group(tuple(raw["texts"]), tuple(raw["facts"]))] = SUMMARY.decode(record.result)
 
     def summarise(self, groups: Sequence[Group]) -> list[Summary]:
         """Raises BadModelOutput where one of the groups was never asked about."""

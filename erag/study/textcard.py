@@ -83,8 +83,8 @@ def _kinds(found: Sequence[Kind]) -> str:
         return ""
     names = list(found[0].agreement)
     rows = "\n".join(
-        f"| {one.name} | {one.decisions:,} | {' | '.join(_precise(one.agreement[name]) for name in names)} "
-        f"| {_precise(one.itself) if one.itself else 'no such pair'} ({one.pairs}) |"
+        f"| {one.name} | {one.decisions:,} | {' | '.join(one.agreement[name].shown(3) for name in names)} "
+        f"| {one.itself.shown(3) if one.itself else 'no such pair'} ({one.pairs}) |"
         for one in found
     )
     return f"""## By what is asked
@@ -102,7 +102,7 @@ same cards whose cosine is {NEAR:g} or more (so many pairs).
 def _steady(found: Sequence[Steadiness]) -> str:
     if not found:
         return ""
-    rows = "\n".join(f"| {one.least:g} to {one.most:g} | {one.pairs:,} | {_precise(one.same)} |" for one in found)
+    rows = "\n".join(f"| {one.least:g} to {one.most:g} | {one.pairs:,} | {one.same.shown(3)} |" for one in found)
     return f"""## How steady the teacher is
 
 Pairs of different questions about the same cards: how often the teacher chose the same for both. Where the share no
@@ -119,7 +119,7 @@ are over questions.
 def _curve(found: Sequence[Learnt]) -> str:
     if not found:
         return ""
-    rows = "\n".join(f"| {one.questions} | {_precise(one.agreement)} |" for one in found)
+    rows = "\n".join(f"| {one.questions} | {one.agreement.shown(3)} |" for one in found)
     return f"""## What more questions bring
 
 Adapters that were taught fewer questions, in as many steps:
@@ -147,18 +147,14 @@ def _table(first: str, figures: Mapping[str, Mapping[str, Interval]]) -> str:
     splits = list(figures)
     names = list(figures[splits[0]])
     lines = [f"| {first} | {' | '.join(splits)} |", f"|---|{'---|' * len(splits)}"]
-    lines += [f"| {name} | {' | '.join(_precise(figures[split][name]) for split in splits)} |" for name in names]
+    lines += [f"| {name} | {' | '.join(figures[split][name].shown(3) for split in splits)} |" for name in names]
     return "\n".join(lines)
-
-
-def _precise(interval: Interval) -> str:
-    return f"{interval.mean:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
 
 
 def understanding_card(config: UnderstandingDistil, report: UnderstandingReport) -> str:
     """The card of a student of query understanding."""
     columns = list(next(iter(report.figures.values())))
-    rows = [f"| {name} | {' | '.join(_precise(own[c]) for c in columns)} |" for name, own in report.figures.items()]
+    rows = [f"| {name} | {' | '.join(own[c].shown(3) for c in columns)} |" for name, own in report.figures.items()]
     table = "\n".join([f"| named by | {' | '.join(columns)} |", f"|---|{'---|' * len(columns)}", *rows])
     shown = "\n".join(f"| {wish} | {teacher} | {student} |" for wish, teacher, student in report.examples)
     return f"""# {config.out.stem}

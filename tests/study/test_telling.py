@@ -13,7 +13,7 @@ from erag.data.writer import write_folder
 from erag.lm import prompts
 from erag.lm.fake import Fake, FakeConfig
 from erag.lm.roles import Group, Summary
-from erag.lm.weights import ModelStore, default_store
+from erag.lm.weights import ModelStore
 from erag.memory.database import Database
 from erag.pipeline.config import validate
 from erag.study import places as module
@@ -23,14 +23,6 @@ from erag.study.places import summarised
 from erag.study.telling import LEFT, NEAR, STRANGE, TOLD, Telling
 
 WORLDS = ("east", "west")
-
-
-@pytest.fixture(scope="module")
-def store() -> ModelStore:
-    found = default_store()
-    if found.state("minilm-l6") == "missing":
-        pytest.skip("minilm-l6 is not here: erag models pull minilm-l6")
-    return found
 
 
 def _tells(self: Fake, groups: Sequence[Group]) -> list[Summary]:
@@ -69,8 +61,8 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> TellingTask:
 
 
 @pytest.fixture(scope="module")
-def task(config: TellingTask, store: ModelStore) -> Telling:
-    return Telling(config, store)
+def task(config: TellingTask, weights: ModelStore) -> Telling:
+    return Telling(config, weights)
 
 
 def test_each_world_is_a_group_of_its_clusters(task: Telling) -> None:
@@ -80,40 +72,40 @@ def test_each_world_is_a_group_of_its_clusters(task: Telling) -> None:
 
 
 def test_a_teacher_is_not_asked_again(
-    config: TellingTask, store: ModelStore, task: Telling, monkeypatch: pytest.MonkeyPatch
+    config: TellingTask, weights: ModelStore, task: Telling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert task.groups
     monkeypatch.delattr(Fake, "summarise")
     assert config.places
-    assert len(summarised(config.places, store)) == len(WORLDS)
+    assert len(summarised(config.places, weights)) == len(WORLDS)
     with pytest.raises(AttributeError, match="summarise"):
-        summarised(config.places.model_copy(update={"teacher": FakeConfig(seed=2)}), store)
+        summarised(config.places.model_copy(update={"teacher": FakeConfig(seed=2)}), weights)
 
 
-def test_a_world_furnished_anew_is_the_same_place(config: TellingTask, task: Telling, store: ModelStore) -> None:
+def test_a_world_furnished_anew_is_the_same_place(config: TellingTask, task: Telling, weights: ModelStore) -> None:
     assert config.places
     copytree(config.places.folder / "0-160-120", config.places.folder / "1-160-120")
     places = config.places.model_copy(update={"seeds": (0, 1)})
-    assert len(summarised(places, store)) == 4
-    both = Telling(config.model_copy(update={"places": places}), store)
+    assert len(summarised(places, weights)) == 4
+    both = Telling(config.model_copy(update={"places": places}), weights)
     assert set(both.groups) == set(WORLDS)
     assert len(both.groups) == 2 * len(task.groups)
 
 
-def test_another_teacher_has_memories_of_its_own(config: TellingTask, store: ModelStore) -> None:
+def test_another_teacher_has_memories_of_its_own(config: TellingTask, weights: ModelStore) -> None:
     assert config.places
     other = config.places.model_copy(update={"teacher": FakeConfig(seed=1)})
-    assert not set(summarised(other, store)) & set(summarised(config.places, store))
+    assert not set(summarised(other, weights)) & set(summarised(config.places, weights))
 
 
 def test_worlds_that_are_missing_are_rendered(
-    config: TellingTask, store: ModelStore, monkeypatch: pytest.MonkeyPatch
+    config: TellingTask, weights: ModelStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
     monkeypatch.setattr(module, "render", lambda *given, **named: asked.append((given, named)))
     assert config.places
     with pytest.raises(Exception, match="moon"):
-        summarised(config.places.model_copy(update={"worlds": ("east", "moon")}), store)
+        summarised(config.places.model_copy(update={"worlds": ("east", "moon")}), weights)
     (((folder, names, seed, _), named),) = asked
     assert folder == config.places.folder / "0-160-120"
     assert (names, seed) == (("east", "moon"), 0)
@@ -143,11 +135,11 @@ def test_a_lesson_is_the_prompt_of_the_summariser_and_what_was_accepted_of_the_t
         assert task._items[row].left(Summary(name, text, tuple(how))) == Summary(name, text, tuple(how))
 
 
-def test_what_no_member_bears_out_is_not_taught(config: TellingTask, store: ModelStore, task: Telling) -> None:
+def test_what_no_member_bears_out_is_not_taught(config: TellingTask, weights: ModelStore, task: Telling) -> None:
     """Clusters of which nothing is left are left out, and so is what a second answer repeats."""
     assert config.places
     recorded = []
-    for memory in summarised(config.places, store):
+    for memory in summarised(config.places, weights):
         database = Database(memory, "read")
         recorded += database.rows("SELECT result FROM call_results WHERE role = 'summarise'")
         database.close()
@@ -180,10 +172,10 @@ def test_one_place_cannot_be_left_out() -> None:
             validate(TellingTask, {"kind": "summarise", "places": {"teacher": {"kind": "fake"}, **twice}}, "here")
 
 
-def test_a_card_quotes_no_memory_of_a_users_own(config: TellingTask, task: Telling, store: ModelStore) -> None:
+def test_a_card_quotes_no_memory_of_a_users_own(config: TellingTask, task: Telling, weights: ModelStore) -> None:
     assert config.places
     assert task.quotable
-    memories = tuple(summarised(config.places, store))
-    own = Telling(config.model_copy(update={"places": None, "memories": memories}), store)
+    memories = tuple(summarised(config.places, weights))
+    own = Telling(config.model_copy(update={"places": None, "memories": memories}), weights)
     assert not own.quotable
     assert own.taught == task.taught
